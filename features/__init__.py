@@ -1,0 +1,30 @@
+"""Lines and corners of 2D laser scans, with covariances (CWLF)."""
+
+from features.config import ExtractionConfig
+from features.corner import intersect
+from features.errors import CwlfError, DegenerateSegmentError, ScanFormatError
+from features.extract import extract
+from features.feature import Corner, Corners, Features, Line, Lines
+from features.line_fit import fit_cwlf
+from features.scan import LaserScan
+from features.sensor import SENSOR_PRESETS, Mounting, SensorModel, sensor_preset
+
+__all__ = [
+    "SENSOR_PRESETS",
+    "Corner",
+    "Corners",
+    "CwlfError",
+    "DegenerateSegmentError",
+    "ExtractionConfig",
+    "Features",
+    "LaserScan",
+    "Line",
+    "Lines",
+    "Mounting",
+    "ScanFormatError",
+    "SensorModel",
+    "extract",
+    "fit_cwlf",
+    "intersect",
+    "sensor_preset",
+]

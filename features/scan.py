@@ -1,0 +1,49 @@
+"""One revolution or sweep of a 2D laser scanner."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from features.errors import ScanFormatError
+from features.se2 import Array
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class LaserScan:
+    """Ranges and the angle of each beam, sensor frame.
+
+    Parameters
+    ----------
+    ranges : shape (n,) [m]. Infinity, or any value outside the sensor's range limits (0 among them), is no return.
+    angles : shape (n,) [rad], counter-clockwise from the sensor's x axis, stored per beam.
+    stamp : time of the scan [s].
+
+    Raises
+    ------
+    ScanFormatError
+        Shapes differ, a range is NaN or negative, an angle or the stamp is not finite.
+    """
+
+    ranges: Array
+    angles: Array
+    stamp: float = 0.0
+
+    def __post_init__(self) -> None:
+        ranges = np.ascontiguousarray(self.ranges, dtype=np.float64)
+        angles = np.ascontiguousarray(self.angles, dtype=np.float64)
+        if ranges.ndim != 1 or ranges.shape != angles.shape:
+            raise ScanFormatError(f"a scan needs one angle per range: {ranges.shape} ranges, {angles.shape} angles")
+        unusable = ~(ranges >= 0.0)
+        if unusable.any():
+            beam = int(unusable.argmax())
+            raise ScanFormatError(f"range of beam {beam} is {ranges[beam]:g}: expected metres, or inf for no return")
+        if not np.isfinite(angles).all():
+            beam = int((~np.isfinite(angles)).argmax())
+            raise ScanFormatError(f"angle of beam {beam} is {angles[beam]:g}: expected radians")
+        if not np.isfinite(self.stamp):
+            raise ScanFormatError(f"stamp is {self.stamp:g}: expected seconds")
+        object.__setattr__(self, "ranges", ranges)
+        object.__setattr__(self, "angles", angles)
+
+    def __len__(self) -> int:
+        return self.ranges.size

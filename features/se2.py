@@ -1,0 +1,74 @@
+"""SE(2): poses as arrays ``[x, y, theta]`` [m, m, rad], named so that frames cancel by eye.
+
+``compose(pose_a_b, pose_b_c)`` is ``pose_a_c``; ``transform(pose_a_b, points_b)`` is ``points_a``.
+Headings that these functions return are wrapped to [-pi, pi).
+"""
+
+import math
+from typing import TypeAlias, overload
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array: TypeAlias = NDArray[np.float64]
+"""A float64 array; the docstring that uses it gives shape, unit and frame."""
+
+Pose: TypeAlias = NDArray[np.float64]
+"""``[x, y, theta]``, shape (3,) [m, m, rad]."""
+
+
+@overload
+def wrap_angle(angle: float) -> float: ...
+@overload
+def wrap_angle(angle: Array) -> Array: ...
+def wrap_angle(angle: float | Array) -> float | Array:
+    """Wrap an angle, or each angle of an array, to [-pi, pi) [rad]."""
+    return (angle + math.pi) % (2.0 * math.pi) - math.pi
+
+
+def pose(x: float = 0.0, y: float = 0.0, theta: float = 0.0) -> Pose:
+    """Make a pose of its coordinates [m, m, rad]."""
+    return np.array([x, y, wrap_angle(theta)])
+
+
+def rotation(theta: float) -> Array:
+    """Rotation matrix, shape (2, 2), of an angle [rad]."""
+    c, s = math.cos(theta), math.sin(theta)
+    return np.array([[c, -s], [s, c]])
+
+
+def compose(pose_a_b: Pose, pose_b_c: Pose) -> Pose:
+    """Chain two poses: ``pose_a_c = pose_a_b (+) pose_b_c``."""
+    x, y, theta = pose_a_b
+    c, s = math.cos(theta), math.sin(theta)
+    dx, dy, dtheta = pose_b_c
+    return np.array([x + c * dx - s * dy, y + s * dx + c * dy, wrap_angle(theta + dtheta)])
+
+
+def inverse(pose_a_b: Pose) -> Pose:
+    """Pose of frame a in frame b."""
+    x, y, theta = pose_a_b
+    c, s = math.cos(theta), math.sin(theta)
+    return np.array([-c * x - s * y, s * x - c * y, wrap_angle(-theta)])
+
+
+def between(pose_a_b: Pose, pose_a_c: Pose) -> Pose:
+    """Pose of frame c in frame b: ``pose_b_c = (-) pose_a_b (+) pose_a_c``."""
+    dx, dy, dtheta = pose_a_c - pose_a_b
+    theta = pose_a_b[2]
+    c, s = math.cos(theta), math.sin(theta)
+    return np.array([c * dx + s * dy, -s * dx + c * dy, wrap_angle(dtheta)])
+
+
+def transform(pose_a_b: Pose, points_b: Array) -> Array:
+    """Points, shape (n, 2) or (2,) [m], of frame b in frame a."""
+    return points_b @ rotation(pose_a_b[2]).T + pose_a_b[:2]
+
+
+def compose_jacobians(pose_a_b: Pose, pose_b_c: Pose) -> tuple[Array, Array]:
+    """Derivatives of :func:`compose` with respect to its first and its second argument, each (3, 3)."""
+    c, s = math.cos(pose_a_b[2]), math.sin(pose_a_b[2])
+    dx, dy = pose_b_c[:2]
+    first = np.array([[1.0, 0.0, -s * dx - c * dy], [0.0, 1.0, c * dx - s * dy], [0.0, 0.0, 1.0]])
+    second = np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
+    return first, second

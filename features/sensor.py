@@ -1,0 +1,105 @@
+"""What is known of a laser scanner: its noise, its limits and where it sits on the robot."""
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from types import MappingProxyType
+
+import numpy as np
+
+from features.se2 import Array, Pose, pose, rotation, wrap_angle
+
+
+@dataclass(frozen=True, slots=True)
+class Mounting:
+    """Pose of the sensor on the robot, robot frame.
+
+    Parameters
+    ----------
+    x, y : position of the sensor [m].
+    theta : direction of the sensor's x axis [rad].
+    upside_down : the sensor hangs with its face down, so that its angles run the other way round.
+    """
+
+    x: float = 0.0
+    y: float = 0.0
+    theta: float = 0.0
+    upside_down: bool = False
+
+    @property
+    def pose_robot_sensor(self) -> Pose:
+        """Pose of the sensor in the robot frame, without the mirror of an upside-down one."""
+        return pose(self.x, self.y, self.theta)
+
+    @property
+    def axes(self) -> Array:
+        """Matrix, shape (2, 2), that turns directions of the sensor frame into the robot frame; det -1 upside down."""
+        return rotation(self.theta) @ np.diag([1.0, -1.0 if self.upside_down else 1.0])
+
+    def points_to_robot(self, points_sensor: Array) -> Array:
+        """Points, shape (n, 2) or (2,) [m], of the sensor frame in the robot frame."""
+        return points_sensor @ self.axes.T + np.array([self.x, self.y])
+
+    def direction_to_robot(self, angle: float) -> float:
+        """Angle of a direction of the sensor frame in the robot frame [rad]."""
+        return wrap_angle(self.theta + (-angle if self.upside_down else angle))
+
+
+@dataclass(frozen=True, slots=True)
+class SensorModel:
+    """Noise of a single beam (section III of the paper), range limits and mounting.
+
+    Parameters
+    ----------
+    sigma_range : standard deviation of a range [m].
+    sigma_bearing : standard deviation of the direction of a beam [rad].
+    range_min, range_max : a range outside of them is no return [m].
+    mounting : where the sensor sits on the robot.
+
+    Raises
+    ------
+    ValueError
+        A sigma is not positive, or the limits are not 0 <= range_min < range_max.
+    """
+
+    sigma_range: float
+    sigma_bearing: float
+    range_min: float
+    range_max: float
+    mounting: Mounting = field(default_factory=Mounting)
+
+    def __post_init__(self) -> None:
+        for name in ("sigma_range", "sigma_bearing"):
+            value = getattr(self, name)
+            if not (math.isfinite(value) and value > 0.0):
+                raise ValueError(f"{name} is {value:g}: a standard deviation must be positive and finite")
+        if not 0.0 <= self.range_min < self.range_max:
+            raise ValueError(
+                f"range_min {self.range_min:g}, range_max {self.range_max:g}: expected 0 <= range_min < range_max"
+            )
+
+
+SENSOR_PRESETS: Mapping[str, SensorModel] = MappingProxyType(
+    {
+        # Data sheet +-50 mm, read as the 99 % band; an angle quantised to the beam spacing of 0.391 deg.
+        "rplidar-s1": SensorModel(
+            sigma_range=0.02, sigma_bearing=math.radians(0.391) / math.sqrt(12.0), range_min=0.1, range_max=40.0
+        ),
+        # Ranges in whole centimetres with a statistical error of about one; 81.8 m and above are no return.
+        "sick-lms": SensorModel(sigma_range=0.01, sigma_bearing=math.radians(0.1), range_min=0.05, range_max=80.0),
+    }
+)
+"""Models by the name that the command line takes."""
+
+
+def sensor_preset(name: str) -> SensorModel:
+    """Model of a known sensor.
+
+    Raises
+    ------
+    ValueError
+        No preset has this name.
+    """
+    if name not in SENSOR_PRESETS:
+        raise ValueError(f"unknown sensor preset {name!r}: known are {', '.join(sorted(SENSOR_PRESETS))}")
+    return SENSOR_PRESETS[name]

@@ -1,0 +1,124 @@
+"""A differential-drive robot that drives from waypoint to waypoint."""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from features.se2 import Array, wrap_angle
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Trajectory:
+    """True poses at a fixed rate, from time zero.
+
+    Parameters
+    ----------
+    rate : poses per second [Hz].
+    poses_world_robot : shape (n, 3), headings in [-pi, pi) [m, m, rad].
+    """
+
+    rate: float
+    poses_world_robot: Array
+
+    @property
+    def stamps(self) -> Array:
+        """Time of each pose, shape (n,) [s]."""
+        return np.arange(len(self.poses_world_robot)) / self.rate
+
+
+@dataclass(frozen=True, slots=True)
+class Robot:
+    """Limits of the motion.
+
+    Parameters
+    ----------
+    speed : largest forward speed [m/s]; it never drives backwards.
+    acceleration : largest change of the speed, up or down [m/s^2].
+    turn_rate : largest turn rate [rad/s].
+    turn_acceleration : largest change of the turn rate [rad/s^2].
+    reach : a waypoint nearer than this has been reached [m].
+
+    Raises
+    ------
+    ValueError
+        A limit is not positive.
+    """
+
+    speed: float = 0.5
+    acceleration: float = 0.5
+    turn_rate: float = 1.0
+    turn_acceleration: float = 3.0
+    reach: float = 0.15
+
+    def __post_init__(self) -> None:
+        for name in ("speed", "acceleration", "turn_rate", "turn_acceleration", "reach"):
+            value = getattr(self, name)
+            if not (math.isfinite(value) and value > 0.0):
+                raise ValueError(f"{name} is {value:g}: a limit must be positive and finite")
+
+    def drive(self, waypoints: npt.ArrayLike, rate: float) -> Trajectory:
+        """Drive through all waypoints and stop within reach of the last.
+
+        The robot starts on the first one, at rest and facing the second. It turns towards its waypoint as it goes,
+        slower the more it looks away from it.
+
+        Parameters
+        ----------
+        waypoints : shape (n, 2), n >= 2, each farther than ``reach`` from the one before, world frame [m].
+        rate : steps, and poses, per second [Hz].
+
+        Raises
+        ------
+        ValueError
+            There are fewer than two waypoints, two in a row are nearer than ``reach``, or the rate is not positive.
+        """
+        points = np.asarray(waypoints, dtype=np.float64)
+        if points.ndim != 2 or points.shape[1] != 2 or len(points) < 2 or not np.isfinite(points).all():
+            raise ValueError(f"expected at least two finite waypoints of shape (n, 2), got shape {points.shape}")
+        legs = np.hypot(*np.diff(points, axis=0).T)
+        if (legs <= self.reach).any():
+            near = int((legs <= self.reach).argmax())
+            raise ValueError(
+                f"waypoints {near} and {near + 1} are {legs[near]:g} m apart: expected more than the reach"
+            )
+        if not (math.isfinite(rate) and rate > 0.0):
+            raise ValueError(f"rate is {rate:g}: expected poses per second")
+        return Trajectory(rate, np.array(self._steps(points.tolist(), 1.0 / rate)))
+
+    def _steps(self, points: list[list[float]], dt: float) -> list[tuple[float, float, float]]:
+        """Poses [m, m, rad] every ``dt`` [s] from the first point to a stop at the last."""
+        x, y = points[0]
+        heading = math.atan2(points[1][1] - y, points[1][0] - x)
+        speed = turn_rate = 0.0
+        poses = [(x, y, wrap_angle(heading))]
+        for index, (goal_x, goal_y) in enumerate(points[1:], start=1):
+            last = index == len(points) - 1
+            while (distance := math.hypot(goal_x - x, goal_y - y)) > self.reach:
+                stop = distance - self.reach if last else math.inf
+                error = wrap_angle(math.atan2(goal_y - y, goal_x - x) - heading)
+                speed, turn_rate = self._accelerate(speed, turn_rate, stop, error, dt)
+                turn = turn_rate * dt
+                step = speed * dt * float(np.sinc(turn / (2.0 * math.pi)))
+                x += step * math.cos(heading + turn / 2.0)
+                y += step * math.sin(heading + turn / 2.0)
+                heading += turn
+                poses.append((x, y, wrap_angle(heading)))
+        return poses
+
+    def _accelerate(self, speed: float, turn_rate: float, stop: float, error: float, dt: float) -> tuple[float, float]:
+        """Speed [m/s] and turn rate [rad/s] of the next step, as near to the wanted ones as the limits let them be.
+
+        ``stop`` is the distance in which to come to rest [m], ``error`` the direction of the waypoint ahead [rad].
+        """
+        # Braking wants four fifths of what the limit allows, so that the step behind is made up for.
+        braking = math.sqrt(1.6 * self.acceleration * stop)
+        wanted_speed = min(self.speed * max(0.0, math.cos(error)), braking)
+        turn_braking = math.sqrt(2.0 * self.turn_acceleration * abs(error))
+        wanted_turn = math.copysign(min(self.turn_rate, 0.5 * turn_braking, 4.0 * abs(error)), error)
+        change, turn_change = self.acceleration * dt, self.turn_acceleration * dt
+        return (
+            speed + min(max(wanted_speed - speed, -change), change),
+            turn_rate + min(max(wanted_turn - turn_rate, -turn_change), turn_change),
+        )

@@ -1,0 +1,122 @@
+"""A world made of straight walls, and the corners where they meet."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import Self
+
+import numpy as np
+import numpy.typing as npt
+
+from features.se2 import Array
+from sim.errors import WorldError
+
+TOUCH = 1e-9
+"""Walls nearer to each other than this meet [m]."""
+
+STRAIGHT = 1e-6
+"""Two walls whose directions differ by less than this are one straight wall [rad]."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class World:
+    """Walls, world frame, and the corners that follow from them.
+
+    Parameters
+    ----------
+    name : short name, fit for a folder.
+    walls : end points ``x1 y1 x2 y2`` of each wall, shape (n, 4), n >= 1 [m].
+
+    Attributes
+    ----------
+    corners : where exactly two walls end, not in one straight line, and no third one passes, shape (k, 2) [m].
+    opening_angles : angle between the two walls of each corner, in (0, pi), shape (k,) [rad].
+
+    Raises
+    ------
+    WorldError
+        There is no wall, a coordinate is not finite, or a wall has no length.
+    """
+
+    name: str
+    walls: Array
+    corners: Array = field(init=False)
+    opening_angles: Array = field(init=False)
+
+    def __post_init__(self) -> None:
+        walls = np.array(self.walls, dtype=np.float64, order="C")
+        if walls.ndim != 2 or walls.shape[1] != 4 or len(walls) == 0:
+            raise WorldError(f"world {self.name!r}: expected walls of shape (n, 4) with n >= 1, got {walls.shape}")
+        for index, wall in enumerate(walls):
+            if not np.isfinite(wall).all():
+                raise WorldError(f"world {self.name!r}: wall {index} has a coordinate that is not finite: {wall}")
+            if np.hypot(wall[2] - wall[0], wall[3] - wall[1]) <= TOUCH:
+                raise WorldError(f"world {self.name!r}: wall {index} has no length: it starts and ends at {wall[:2]}")
+        corners, opening_angles = _corners(walls)
+        object.__setattr__(self, "walls", walls)
+        object.__setattr__(self, "corners", corners)
+        object.__setattr__(self, "opening_angles", opening_angles)
+
+    @classmethod
+    def from_polygons(cls, name: str, polygons: Sequence[npt.ArrayLike]) -> Self:
+        """Make a world of closed polygons.
+
+        Parameters
+        ----------
+        name : short name, fit for a folder.
+        polygons : vertices of each polygon in order, shape (n, 2), n >= 3 [m]; the last one is joined to the first.
+
+        Raises
+        ------
+        WorldError
+            There is no polygon, or one has fewer than three vertices, a coordinate that is not finite or a wall
+            without length.
+        """
+        if len(polygons) == 0:
+            raise WorldError(f"world {name!r}: expected at least one polygon, got none")
+        return cls(name, np.vstack([_polygon_walls(name, k, polygon) for k, polygon in enumerate(polygons)]))
+
+
+def _polygon_walls(name: str, index: int, polygon: npt.ArrayLike) -> Array:
+    """Walls, shape (n, 4) [m], of a closed polygon of n vertices."""
+    where = f"world {name!r}, polygon {index}"
+    vertices = np.asarray(polygon, dtype=np.float64)
+    if vertices.ndim != 2 or vertices.shape[1] != 2:
+        raise WorldError(f"{where}: expected vertices of shape (n, 2), got {vertices.shape}")
+    if len(vertices) < 3:
+        raise WorldError(f"{where}: expected at least 3 vertices, got {len(vertices)}")
+    unusable = ~np.isfinite(vertices).all(axis=1)
+    if unusable.any():
+        vertex = int(unusable.argmax())
+        raise WorldError(f"{where}: vertex {vertex} is {vertices[vertex]}: expected finite coordinates")
+    ends = np.roll(vertices, -1, axis=0)
+    empty = np.hypot(*(ends - vertices).T) <= TOUCH
+    if empty.any():
+        vertex = int(empty.argmax())
+        raise WorldError(
+            f"{where}: vertices {vertex} and {(vertex + 1) % len(vertices)} are the same point {vertices[vertex]}: "
+            "each vertex is given once, the first one too"
+        )
+    return np.hstack([vertices, ends])
+
+
+def _corners(walls: Array) -> tuple[Array, Array]:
+    """Corners, shape (k, 2) [m], and opening angles, shape (k,) [rad], in the order in which the walls mention them."""
+    starts, ends = walls[:, :2], walls[:, 2:]
+    along = ends - starts
+    corners: list[Array] = []
+    opening_angles: list[float] = []
+    points = walls.reshape(-1, 2)
+    for index, point in enumerate(points):
+        if (np.hypot(*(points[:index] - point).T) <= TOUCH).any():
+            continue
+        share = np.clip(((point - starts) * along).sum(axis=1) / (along**2).sum(axis=1), 0.0, 1.0)
+        meets = np.flatnonzero(np.hypot(*(starts + share[:, None] * along - point).T) <= TOUCH)
+        if len(meets) != 2 or not all(min(share[k], 1.0 - share[k]) * np.hypot(*along[k]) <= TOUCH for k in meets):
+            continue
+        first, second = (along[k] if share[k] < 0.5 else -along[k] for k in meets)
+        cross, dot = first[0] * second[1] - first[1] * second[0], first @ second
+        opening_angle = abs(float(np.arctan2(cross, dot)))
+        if STRAIGHT < opening_angle < np.pi - STRAIGHT:
+            corners.append(point)
+            opening_angles.append(opening_angle)
+    return np.array(corners).reshape(-1, 2), np.array(opening_angles)

@@ -1,0 +1,42 @@
+"""SLAM on CWLF corners: EKF front-end, factor-graph back-end, metrics and the command line."""
+
+import importlib
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from slam.config import SlamConfig, load_config
+    from slam.metrics import ate, rpe
+    from slam.pipeline import Slam, Step
+    from slam.result import LandmarkMap, SlamResult
+    from slam.trajectory import Trajectory
+
+__all__ = [
+    "LandmarkMap",
+    "Slam",
+    "SlamConfig",
+    "SlamResult",
+    "Step",
+    "Trajectory",
+    "ate",
+    "load_config",
+    "rpe",
+]
+
+_HOMES = {
+    "LandmarkMap": "slam.result",
+    "Slam": "slam.pipeline",
+    "SlamConfig": "slam.config",
+    "SlamResult": "slam.result",
+    "Step": "slam.pipeline",
+    "Trajectory": "slam.trajectory",
+    "ate": "slam.metrics",
+    "load_config": "slam.config",
+    "rpe": "slam.metrics",
+}
+
+
+def __getattr__(name: str) -> Any:
+    # Loaded on first use: the command line imports this package and must answer --help at once.
+    if name not in _HOMES:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    return getattr(importlib.import_module(_HOMES[name]), name)

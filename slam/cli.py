@@ -1,0 +1,210 @@
+"""The command ``cwlf-slam``; heavy imports wait for the command that needs them."""
+
+from __future__ import annotations
+
+import logging
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+if TYPE_CHECKING:
+    from drivers.frame import FrameSource
+    from features.errors import CwlfError
+    from slam.config import SlamConfig
+    from slam.result import SlamResult
+
+app = typer.Typer(
+    name="cwlf-slam",
+    help="2D-lidar landmark SLAM on CWLF corners: a log in, a trajectory and a landmark map out.",
+    no_args_is_help=True,
+    add_completion=False,
+    pretty_exceptions_enable=False,
+)
+
+Out = Annotated[Path | None, typer.Option("--out", help="Run folder; default runs/<name>-<date>.", show_default=False)]
+Overwrite = Annotated[bool, typer.Option("--overwrite", help="Write into the run folder although it is not empty.")]
+Sensor = Annotated[
+    str | None,
+    typer.Option("--sensor", help="Sensor preset: rplidar-s1 or sick-lms; default: the source's.", show_default=False),
+]
+Config = Annotated[
+    Path | None,
+    typer.Option("--config", help="TOML file with any of the keys that `cwlf-slam config` prints."),
+]
+Json = Annotated[bool, typer.Option("--json", help="Print JSON.")]
+
+
+def main() -> None:
+    """Run the command line: errors in the data become one line on stderr and exit code 1."""
+    logging.basicConfig(level=logging.WARNING, format="%(levelname)s: %(message)s", stream=sys.stderr)
+    logging.captureWarnings(capture=True)
+    try:
+        app()
+    except KeyboardInterrupt:
+        _fail("interrupted", code=130)
+    except Exception as error:
+        from features.errors import CwlfError
+
+        if not isinstance(error, CwlfError):
+            raise
+        _fail(str(error))
+
+
+def _fail(message: str, code: int = 1) -> None:
+    typer.echo(f"cwlf-slam: {message}", err=True)
+    sys.exit(code)
+
+
+@app.command()
+def demo(
+    out: Out = None,
+    seed: Annotated[int, typer.Option("--seed", min=0, help="Seed of the simulation.")] = 1,
+    overwrite: Overwrite = False,
+) -> None:
+    """Drive a simulated robot with poor odometry through a room, map it and compare with the truth."""
+    from dataclasses import replace
+    from datetime import datetime
+
+    from sim.run import room_run
+    from slam.config import load_config
+    from slam.evaluate import evaluate_simulated
+    from slam.run_folder import claimed, default_folder
+
+    source = room_run(seed)
+    config = load_config(None, source_preset=source.sensor, source_mounting=source.mounting, seed=seed)
+    with claimed(out or default_folder("demo", datetime.now()), overwrite=overwrite) as folder:
+        result, error = _process(source, config)
+        evaluation = evaluate_simulated(source, result)
+        metrics = replace(result.metrics, ate_rmse_m=evaluation.ate_rmse_m, landmark_rmse_m=evaluation.landmark_rmse_m)
+        _save(folder, "Simulated room", config, replace(result, metrics=metrics), error)
+    typer.echo(
+        f"ATE {evaluation.ate_rmse_m:.4f} m (odometry alone {evaluation.odometry_ate_rmse_m:.3f} m), "
+        f"landmark RMSE {evaluation.landmark_rmse_m:.4f} m, "
+        f"{evaluation.corners_mapped} of {evaluation.corners} corners of the room on the map"
+    )
+    _leave(result)
+
+
+@app.command()
+def run(
+    log: Annotated[Path, typer.Argument(help="CARMEN log (.clf or .log, also gzipped).", show_default=False)],
+    sensor: Sensor = None,
+    config: Config = None,
+    out: Out = None,
+    limit: Annotated[int | None, typer.Option("--limit", min=1, help="Stop after so many scans.")] = None,
+    seed: Annotated[
+        int | None, typer.Option("--seed", min=0, help="Seed of what is random in a run; default: the configuration's.")
+    ] = None,
+    overwrite: Overwrite = False,
+) -> None:
+    """Process a recorded log into a run folder: trajectory, landmarks, metrics, configuration and map."""
+    from datetime import datetime
+
+    from drivers.carmen import CarmenLog
+    from slam.config import load_config
+    from slam.run_folder import claimed, default_folder
+
+    source = CarmenLog(log)
+    effective = load_config(
+        config, preset=sensor, source_preset=source.sensor, source_mounting=source.mounting, seed=seed
+    )
+    with claimed(out or default_folder(source.name, datetime.now()), overwrite=overwrite) as folder:
+        result, error = _process(source, effective, limit)
+        _save(folder, source.name, effective, result, error)
+    _leave(result)
+
+
+@app.command()
+def evaluate(
+    run: Annotated[Path, typer.Argument(help="Run folder.", show_default=False)],
+    relations: Annotated[
+        Path | None, typer.Option("--relations", help="True relations of pairs of poses (Freiburg benchmark).")
+    ] = None,
+    truth: Annotated[Path | None, typer.Option("--truth", help="True trajectory, TUM format.")] = None,
+    as_json: Json = False,
+) -> None:
+    """Compare the trajectory of a run with relations or with a true trajectory."""
+    from slam.evaluate import evaluate_relations, evaluate_truth, to_lines
+    from slam.run_folder import read_trajectory
+
+    if relations is None and truth is None:
+        raise typer.BadParameter("give --relations FILE or --truth FILE", param_hint="evaluate")
+    trajectory = read_trajectory(run)
+    report: dict[str, dict[str, float]] = {}
+    if relations is not None:
+        report |= evaluate_relations(relations, trajectory)
+    if truth is not None:
+        report |= evaluate_truth(truth, trajectory)
+    if as_json:
+        import json
+
+        typer.echo(json.dumps(report))
+    else:
+        typer.echo("\n".join(to_lines(report)))
+
+
+@app.command("config")
+def show_config(sensor: Sensor = None, config: Config = None) -> None:
+    """Print the effective configuration as TOML, each value with its meaning and unit."""
+    from slam.config import load_config, to_toml
+
+    typer.echo(to_toml(load_config(config, preset=sensor)), nl=False)
+
+
+def _process(source: FrameSource, config: SlamConfig, limit: int | None = None) -> tuple[SlamResult, CwlfError | None]:
+    """Run the source through SLAM; Ctrl-C and broken data end it early with what was done so far.
+
+    Raises
+    ------
+    CwlfError
+        Nothing usable came before the error.
+    """
+    from features.errors import CwlfError
+    from slam.interrupt import Interrupt
+    from slam.pipeline import Slam
+    from slam.progress import RunProgress
+
+    slam = Slam(config)
+    error: CwlfError | None = None
+    with Interrupt() as interrupt:
+        with RunProgress(source.name) as progress:
+            try:
+                for frame in source:
+                    slam.process(frame)
+                    if frame.scan is not None:
+                        progress.update(source.progress, slam.scans)
+                    if interrupt.requested or slam.scans == limit:
+                        break
+            except CwlfError as broken:
+                error = broken
+            if slam.scans == 0:
+                raise error or KeyboardInterrupt
+            progress.solving(slam.scans)
+        return slam.finish(interrupted=interrupt.requested), error
+
+
+def _save(folder: Path, title: str, config: SlamConfig, result: SlamResult, error: CwlfError | None) -> None:
+    from slam.run_folder import save
+
+    save(folder, title, config, result)
+    if error is not None:
+        raise type(error)(f"{error} (what came before is in {folder})")
+    metrics = result.metrics
+    typer.echo(
+        f"{metrics.scans} scans, {metrics.duration_s:.0f} s of data in {metrics.wall_s:.1f} s "
+        f"({metrics.times_real_time:.0f} times real time), {metrics.landmarks} landmarks, "
+        f"{metrics.key_frames} key frames"
+    )
+    typer.echo(f"run folder: {folder}")
+
+
+def _leave(result: SlamResult) -> None:
+    if result.metrics.interrupted:
+        typer.echo("cwlf-slam: interrupted; the run folder holds what was done so far", err=True)
+        raise typer.Exit(130)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,167 @@
+"""EKF-SLAM over a robot pose and point landmarks, on filterpy's extended Kalman filter.
+
+The state is ``[x, y, theta, x_1, y_1, x_2, y_2, ...]``, world frame. What filterpy does densely, cubic in the number of
+landmarks, is done on the few rows that a motion or an observation touches; state, names and bookkeeping are filterpy's.
+"""
+
+from collections.abc import Callable
+
+import numpy as np
+from filterpy.kalman import ExtendedKalmanFilter
+from numpy.typing import NDArray
+from scipy.linalg import block_diag, cho_factor, cho_solve
+from scipy.sparse import csr_array
+
+from features.se2 import Array, Pose, compose, compose_jacobians, rotation, wrap_angle
+from slam.errors import DivergedError
+
+POSE_DIM = 3
+
+
+class LandmarkEkf(ExtendedKalmanFilter):
+    """Extended Kalman filter whose motion touches the pose only and whose observation Jacobians are sparse.
+
+    Parameters
+    ----------
+    pose_world_robot : first pose, shape (3,) [m, m, rad].
+    cov : its covariance, shape (3, 3).
+    """
+
+    x: Array
+    P: Array
+
+    def __init__(self, pose_world_robot: Pose, cov: Array) -> None:
+        super().__init__(dim_x=POSE_DIM, dim_z=2)
+        self.x = np.array(pose_world_robot, dtype=np.float64)
+        self.P = np.array(cov, dtype=np.float64)
+        self.Q = np.zeros((POSE_DIM, POSE_DIM))
+        self._save_prior()
+        self._save_posterior()
+
+    @property
+    def pose(self) -> Pose:
+        """Pose of the robot, world frame, shape (3,)."""
+        return self.x[:POSE_DIM].copy()
+
+    @property
+    def pose_cov(self) -> Array:
+        """Covariance of the pose, shape (3, 3)."""
+        return self.P[:POSE_DIM, :POSE_DIM].copy()
+
+    @property
+    def landmarks(self) -> Array:
+        """Landmarks, world frame, shape (n, 2) [m]."""
+        return self.x[POSE_DIM:].reshape(-1, 2)
+
+    def predict(self, u: Pose) -> None:  # type: ignore[override]  # filterpy's default of 0 is no motion of a robot
+        """Move the robot by ``u``, a pose in the frame before the motion, with covariance ``Q``, shape (3, 3).
+
+        Landmarks rest, so three rows and columns of P change (eq. M13).
+        """
+        by_pose, by_motion = compose_jacobians(self.x[:POSE_DIM], u)
+        x, P = self.x.copy(), self.P.copy()
+        x[:POSE_DIM] = compose(self.x[:POSE_DIM], u)
+        P[:POSE_DIM] = by_pose @ P[:POSE_DIM]
+        P[:, :POSE_DIM] = P[:, :POSE_DIM] @ by_pose.T
+        P[:POSE_DIM, :POSE_DIM] += by_motion @ self.Q @ by_motion.T
+        self.x, self.P = x, P
+        self._save_prior()
+
+    def update(  # noqa: PLR0913, filterpy's signature
+        self,
+        z: Array,
+        HJacobian: Callable[..., csr_array],
+        Hx: Callable[..., Array],
+        R: Array | None = None,
+        args: tuple[object, ...] = (),
+        hx_args: tuple[object, ...] = (),
+        residual: Callable[[Array, Array], Array] = np.subtract,
+    ) -> None:
+        """Update with a measurement as filterpy does, for a Jacobian that is a sparse array.
+
+        Raises
+        ------
+        DivergedError
+            The innovation covariance is not positive definite.
+        """
+        noise = self.R if R is None else R
+        H = HJacobian(self.x, *args)
+        cross = (H @ self.P).T
+        self.S = H @ cross + noise
+        try:
+            factor = cho_factor(self.S, lower=True)
+        except (np.linalg.LinAlgError, ValueError) as error:
+            raise DivergedError(f"the innovation covariance is not positive definite: {error}") from None
+        self.SI = cho_solve(factor, np.eye(len(self.S)))
+        self.K = cho_solve(factor, cross.T).T
+        self.y = residual(z, Hx(self.x, *hx_args))
+        x = self.x + self.K @ self.y
+        x[2] = wrap_angle(x[2])
+        P = self.P - self.K @ cross.T
+        self.x, self.P = x, 0.5 * (P + P.T)
+        self.z = z.copy()
+        self._log_likelihood = self._likelihood = self._mahalanobis = None
+        self._save_posterior()
+
+    def observe(self, positions_robot: Array, covs: Array, landmarks: NDArray[np.int64]) -> None:
+        """Update with corners, robot frame, shapes (k, 2) and (k, 2, 2), of known landmarks, indices of shape (k,)."""
+        self.update(
+            positions_robot.ravel(),
+            lambda x: corner_jacobian(x, landmarks),
+            lambda x: predict_corners(x, landmarks).ravel(),
+            R=block_diag(*covs),
+        )
+
+    def add_landmarks(self, positions_robot: Array, covs: Array) -> None:
+        """Append landmarks seen at ``positions_robot``, shape (k, 2), with covariances (k, 2, 2), robot frame.
+
+        A new landmark is correlated with the pose it was seen from and, through it, with every other (eq. M16-M17).
+        """
+        turn = rotation(self.x[2])
+        arms = positions_robot @ turn.T
+        by_pose = np.zeros((2 * len(arms), POSE_DIM))
+        by_pose[0::2, 0] = by_pose[1::2, 1] = 1.0
+        by_pose[0::2, 2] = -arms[:, 1]
+        by_pose[1::2, 2] = arms[:, 0]
+        cross = by_pose @ self.P[:POSE_DIM]
+        own = cross[:, :POSE_DIM] @ by_pose.T + block_diag(*(turn @ covs @ turn.T))
+        self.x = np.concatenate([self.x, (self.x[:2] + arms).ravel()])
+        self.P = np.block([[self.P, cross.T], [cross, 0.5 * (own + own.T)]])
+        self.dim_x = self.x.size
+        self._I = np.eye(self.dim_x)
+        self._save_posterior()
+
+    def _save_prior(self) -> None:
+        self.x_prior, self.P_prior = self.x, self.P
+
+    def _save_posterior(self) -> None:
+        self.x_post, self.P_post = self.x, self.P
+
+
+def predict_corners(x: Array, landmarks: NDArray[np.int64]) -> Array:
+    """Positions of landmarks in the robot frame, shape (k, 2) [m], eq. M14."""
+    return (x[POSE_DIM:].reshape(-1, 2)[landmarks] - x[:2]) @ rotation(x[2])
+
+
+def corner_jacobian(x: Array, landmarks: NDArray[np.int64]) -> csr_array:
+    """Derivative of :func:`predict_corners` by the state, shape (2 k, dim_x), five entries a row, eq. M15."""
+    by_pose, by_landmark = corner_jacobian_blocks(x, landmarks)
+    k = len(landmarks)
+    values = np.empty((k, 2, 5))
+    values[:, :, :3] = by_pose
+    values[:, :, 3:] = by_landmark
+    columns = np.empty((k, 2, 5), np.int64)
+    columns[:, :, :3] = (0, 1, 2)
+    columns[:, :, 3:] = (POSE_DIM + 2 * landmarks[:, None] + np.arange(2))[:, None, :]
+    return csr_array((values.ravel(), columns.ravel(), np.arange(0, 10 * k + 1, 5)), shape=(2 * k, x.size))
+
+
+def corner_jacobian_blocks(x: Array, landmarks: NDArray[np.int64]) -> tuple[Array, Array]:
+    """Blocks of :func:`corner_jacobian`: by the pose, shape (k, 2, 3), and by each landmark, shape (2, 2)."""
+    turn_back = rotation(x[2]).T
+    corners = predict_corners(x, landmarks)
+    by_pose = np.empty((len(landmarks), 2, 3))
+    by_pose[:, :, :2] = -turn_back
+    by_pose[:, 0, 2] = corners[:, 1]
+    by_pose[:, 1, 2] = -corners[:, 0]
+    return by_pose, turn_back

@@ -1,0 +1,15 @@
+"""Errors of estimation, configuration and run folders."""
+
+from features.errors import CwlfError
+
+
+class ConfigError(CwlfError):
+    """A configuration that is misspelt, contradictory or out of its limits."""
+
+
+class DivergedError(CwlfError):
+    """The estimate is no longer a number or its covariance no longer one."""
+
+
+class RunFolderError(CwlfError):
+    """A run folder that cannot be written or read."""

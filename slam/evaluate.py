@@ -1,0 +1,85 @@
+"""A run against what is known to be true: relations, a trajectory, or a simulation."""
+
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from features.se2 import transform
+from slam.metrics import ate, match_landmarks, rpe
+from slam.relations import read_relations, relations
+from slam.result import SlamResult
+from slam.trajectory import Trajectory, read_tum
+
+if TYPE_CHECKING:
+    from sim.run import SimulatedRun
+
+Report = dict[str, dict[str, float]]
+"""Figures by what they were measured against and by name with unit."""
+
+CORNER_DISTANCE = 0.3
+"""A landmark farther than this from a corner of the simulated world is not that corner [m]."""
+
+
+def evaluate_relations(path: Path, trajectory: Trajectory) -> Report:
+    """Error of the relative poses of a trajectory against a relations file."""
+    error = relations(read_relations(path), trajectory)
+    return {"relations": _figures(error)}
+
+
+def evaluate_truth(path: Path, trajectory: Trajectory) -> Report:
+    """ATE and RPE of a trajectory, rigidly aligned, against a true one in TUM format."""
+    true = read_tum(path)
+    absolute = _figures(ate(true, trajectory))
+    return {"ate": absolute, "rpe": _figures(rpe(true, trajectory))}
+
+
+def to_lines(report: Report) -> list[str]:
+    """Report for a person, one figure a line."""
+    return [
+        f"{against:10s} {name:22s} {value:g}" if isinstance(value, int) else f"{against:10s} {name:22s} {value:.4f}"
+        for against, figures in report.items()
+        for name, value in figures.items()
+    ]
+
+
+@dataclass(frozen=True, slots=True)
+class SimulationReport:
+    """A simulated run against its truth, after rigid alignment of the trajectory.
+
+    Parameters
+    ----------
+    ate_rmse_m, odometry_ate_rmse_m : of the final trajectory and of odometry alone [m].
+    landmark_rmse_m : over the landmarks that are corners of the world [m].
+    corners, corners_mapped : corners of the world, and how many of them are on the map.
+    """
+
+    ate_rmse_m: float
+    odometry_ate_rmse_m: float
+    landmark_rmse_m: float
+    corners: int
+    corners_mapped: int
+
+
+def evaluate_simulated(source: "SimulatedRun", result: SlamResult) -> SimulationReport:
+    """Compare a simulated run with its truth."""
+    truth = Trajectory(source.stamps, source.poses_world_robot)
+    absolute = ate(truth, result.trajectory)
+    corners = source.world.corners
+    landmarks = transform(absolute.pose_truth_estimate, result.landmarks.positions)
+    pairs = match_landmarks(corners, landmarks, CORNER_DISTANCE)
+    errors = np.linalg.norm(corners[pairs[:, 0]] - landmarks[pairs[:, 1]], axis=1)
+    return SimulationReport(
+        ate_rmse_m=absolute.rmse_m,
+        odometry_ate_rmse_m=ate(truth, result.odometry).rmse_m,
+        landmark_rmse_m=float(np.sqrt(np.mean(errors**2))),
+        corners=len(corners),
+        corners_mapped=len(pairs),
+    )
+
+
+def _figures(error: object) -> dict[str, float]:
+    figures = asdict(error)  # type: ignore[call-overload]  # every error is a dataclass
+    figures.pop("pose_truth_estimate", None)
+    return figures

@@ -1,0 +1,278 @@
+"""The whole of SLAM, frame by frame: predict, extract, associate, update, birth, key frame."""
+
+import math
+import sys
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.stats import chi2
+
+from drivers.frame import Frame
+from features.extract import extract
+from features.feature import Corners, Features
+from features.scan import LaserScan
+from features.se2 import Array, Pose, compose, transform
+from slam.association import Association, Gates, associate
+from slam.config import SlamConfig
+from slam.ekf import LandmarkEkf
+from slam.graph import LandmarkGraph, Observations
+from slam.landmark import LandmarkTable
+from slam.odometry import OdometryIncrement, OdometryModel
+from slam.result import LandmarkMap, RunMetrics, SlamResult, StageTime
+from slam.smoothing import carry_corrections
+from slam.trajectory import Trajectory
+
+FIRST_POSE_COV = np.diag([1e-8, 1e-8, 1e-10])
+"""The first pose defines the world frame."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Step:
+    """What one frame did.
+
+    Parameters
+    ----------
+    stamp : of the frame [s].
+    pose_world_robot : pose of the filter after the frame, shape (3,).
+    features : lines and corners of its scan, sensor frame; None for a frame without scan.
+    association : what became of the corners; None where the robot had not moved enough to use them.
+    """
+
+    stamp: float
+    pose_world_robot: Pose
+    features: Features | None = None
+    association: Association | None = None
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class KeyFrame:
+    """A frame that the graph holds: its record number and what its scan shows, robot frame."""
+
+    record: int
+    walls_robot: Array
+    points_robot: Array
+
+
+class Slam:
+    """EKF-SLAM on corners, with a factor graph behind it.
+
+    Feed frames in the order of their stamps to :meth:`process`; :meth:`finish` solves the graph and returns the result.
+    The world frame is the odometry frame of the first record.
+    """
+
+    def __init__(self, config: SlamConfig) -> None:
+        self.config = config
+        self._sensor = config.sensor.model()
+        self._gates = gates(config)
+        odometry = config.odometry
+        model = OdometryModel(
+            position_per_travel=odometry.position_per_travel,
+            position_per_turn=odometry.position_per_turn,
+            heading_per_travel=math.radians(odometry.heading_per_travel_deg),
+            heading_per_turn=math.radians(odometry.heading_per_turn_deg),
+        )
+        self._since_update = OdometryIncrement(model)
+        self._since_key_frame = OdometryIncrement(model)
+        self._table = LandmarkTable()
+        self._graph = LandmarkGraph(config.back_end.cauchy_scale)
+        self._ekf: LandmarkEkf | None = None
+        self._key_frames: list[KeyFrame] = []
+        self._stamps: list[float] = []
+        self._poses_odom: list[Pose] = []
+        self._online: list[tuple[float, Pose]] = []
+        self._stages: dict[str, list[float]] = {"extract": [], "front_end": [], "back_end": []}
+        # Compiled code is loaded, or made at the very first use on a machine, before the clock starts.
+        extract(LaserScan(np.ones(8), np.linspace(0.0, 0.1, 8)), self._sensor, config.extraction)
+        self._started = time.perf_counter()
+
+    @property
+    def pose(self) -> Pose:
+        """Pose of the robot as the filter has it, world frame, shape (3,)."""
+        return compose(self._filter.pose, self._since_update.motion)
+
+    @property
+    def landmarks(self) -> Array:
+        """Landmarks of the filter, world frame, shape (n, 2) [m]."""
+        return self._filter.landmarks.copy()
+
+    @property
+    def scans(self) -> int:
+        """Scans processed so far."""
+        return len(self._online)
+
+    def process(self, frame: Frame) -> Step:
+        """Take one frame in.
+
+        Raises
+        ------
+        DivergedError
+            The filter's covariance is no longer one.
+        """
+        self._predict(frame)
+        if frame.scan is None:
+            return Step(frame.stamp, self.pose)
+        with self._timed("extract"):
+            features = extract(frame.scan, self._sensor, self.config.extraction)
+            corners_robot = features.corners.to_robot(self._sensor.mounting)
+        association = None
+        key_frame_due = self._key_frame_due()
+        if key_frame_due or self._update_due():
+            with self._timed("front_end"):
+                association, landmarks = self._update(corners_robot)
+            if key_frame_due:
+                with self._timed("back_end"):
+                    self._add_key_frame(frame.scan, features, corners_robot, landmarks)
+        self._online.append((frame.stamp, self.pose))
+        return Step(frame.stamp, self.pose, features, association)
+
+    def _predict(self, frame: Frame) -> None:
+        if self._ekf is None:
+            self._ekf = LandmarkEkf(frame.pose_odom_robot, FIRST_POSE_COV)
+        else:
+            self._since_update.add(self._poses_odom[-1], frame.pose_odom_robot)
+            self._since_key_frame.add(self._poses_odom[-1], frame.pose_odom_robot)
+        self._stamps.append(frame.stamp)
+        self._poses_odom.append(frame.pose_odom_robot)
+
+    def _update_due(self) -> bool:
+        front_end = self.config.front_end
+        since = self._since_update
+        return since.travel >= front_end.update_distance_m or since.turn >= math.radians(front_end.update_angle_deg)
+
+    def _key_frame_due(self) -> bool:
+        back_end = self.config.back_end
+        since = self._since_key_frame
+        return (
+            not self._key_frames
+            or since.travel >= back_end.key_frame_distance_m
+            or since.turn >= math.radians(back_end.key_frame_angle_deg)
+        )
+
+    def _update(self, corners_robot: Corners) -> tuple[Association, np.ndarray]:
+        """Move the filter to here, associate, update, give birth; also the landmark of each corner, -1 for none."""
+        ekf = self._filter
+        ekf.Q = self._since_update.cov
+        ekf.predict(self._since_update.motion)
+        self._since_update.reset()
+        association = associate(corners_robot, ekf, self._table, self._gates)
+        landmarks = np.full(len(corners_robot), -1)
+        matched, new = association.corners, association.new
+        if matched.size:
+            ekf.observe(corners_robot.positions[matched], corners_robot.covs[matched], association.landmarks)
+            self._table.see(association.landmarks, corners_robot, matched, ekf.x[2])
+            landmarks[matched] = association.landmarks
+        if new.size:
+            ekf.add_landmarks(corners_robot.positions[new], corners_robot.covs[new])
+            landmarks[new] = self._table.add(corners_robot, new, ekf.x[2])
+        return association, landmarks
+
+    def _add_key_frame(
+        self, scan: LaserScan, features: Features, corners_robot: Corners, landmarks: np.ndarray
+    ) -> None:
+        observed = landmarks >= 0
+        self._graph.add_key_frame(
+            self._filter.pose,
+            self._since_key_frame.motion,
+            self._since_key_frame.cov,
+            Observations(landmarks[observed], corners_robot.positions[observed], corners_robot.covs[observed]),
+        )
+        self._since_key_frame.reset()
+        mounting = self._sensor.mounting
+        seen = (scan.ranges >= self._sensor.range_min) & (scan.ranges <= self._sensor.range_max)
+        ranges, angles = scan.ranges[seen], scan.angles[seen]
+        points_sensor = np.stack([ranges * np.cos(angles), ranges * np.sin(angles)], axis=-1)
+        self._key_frames.append(
+            KeyFrame(
+                record=len(self._stamps) - 1,
+                walls_robot=mounting.points_to_robot(features.lines.ends),
+                points_robot=mounting.points_to_robot(points_sensor),
+            )
+        )
+
+    def finish(self, *, interrupted: bool = False) -> SlamResult:
+        """Solve the graph and put the result together; ``interrupted`` is noted in the metrics.
+
+        Raises
+        ------
+        DivergedError
+            The graph has no unique solution.
+        ValueError
+            No scan was processed.
+        """
+        if not self._key_frames:
+            raise ValueError("no scan was processed: there is nothing to finish")
+        with self._timed("back_end"):
+            estimate = self._graph.optimize(self._filter.landmarks, self.config.back_end.max_iterations)
+        stamps, poses_odom = np.array(self._stamps), np.array(self._poses_odom)
+        anchors = np.array([key_frame.record for key_frame in self._key_frames])
+        kept = self._table.observations[estimate.landmarks] >= self.config.map.min_observations
+        ids = estimate.landmarks[kept]
+        placed = list(zip(estimate.poses_world_robot, self._key_frames, strict=True))
+        wall_s = time.perf_counter() - self._started
+        duration_s = float(stamps[-1] - stamps[0])
+        return SlamResult(
+            trajectory=Trajectory(stamps, carry_corrections(poses_odom, anchors, estimate.poses_world_robot)),
+            trajectory_online=Trajectory(
+                np.array([stamp for stamp, _ in self._online]), np.array([pose for _, pose in self._online])
+            ),
+            odometry=Trajectory(stamps, poses_odom),
+            landmarks=LandmarkMap(
+                ids=ids,
+                positions=estimate.positions_world[kept],
+                covs=estimate.covs[kept],
+                observations=self._table.observations[ids],
+                convex=self._table.convex[ids],
+                opening_angles=self._table.opening_angles[ids],
+            ),
+            walls=np.concatenate([transform(pose, key_frame.walls_robot) for pose, key_frame in placed]),
+            points=np.concatenate([transform(pose, key_frame.points_robot) for pose, key_frame in placed]),
+            metrics=RunMetrics(
+                scans=self.scans,
+                records=len(stamps),
+                duration_s=duration_s,
+                wall_s=wall_s,
+                times_real_time=duration_s / wall_s,
+                peak_memory_mb=peak_memory_mb(),
+                landmarks=len(ids),
+                key_frames=len(self._key_frames),
+                stages={name: StageTime.of(seconds) for name, seconds in self._stages.items()},
+                interrupted=interrupted,
+            ),
+        )
+
+    @property
+    def _filter(self) -> LandmarkEkf:
+        if self._ekf is None:
+            raise ValueError("no frame was processed yet")
+        return self._ekf
+
+    @contextmanager
+    def _timed(self, stage: str) -> Iterator[None]:
+        start = time.perf_counter()
+        yield
+        self._stages[stage].append(time.perf_counter() - start)
+
+
+def gates(config: SlamConfig) -> Gates:
+    """Gates of the association in the units it works in."""
+    front_end = config.front_end
+    return Gates(
+        match=float(chi2.ppf(front_end.match_probability, 2)),
+        birth=float(chi2.ppf(front_end.birth_probability, 2)),
+        birth_distance=front_end.birth_distance_m,
+        opening=math.radians(front_end.opening_tolerance_deg),
+        orientation=math.radians(front_end.orientation_tolerance_deg),
+    )
+
+
+def peak_memory_mb() -> float | None:
+    """Largest resident memory of this process so far [MB]; None where the system does not tell."""
+    try:
+        import resource
+    except ImportError:  # Windows
+        return None
+    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    return peak / (1e6 if sys.platform == "darwin" else 1e3)

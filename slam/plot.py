@@ -1,0 +1,141 @@
+"""Pictures of a run."""
+
+from pathlib import Path
+
+import matplotlib as mpl
+import numpy as np
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.collections import EllipseCollection, LineCollection
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from numpy.random import Generator
+
+from features.se2 import Array
+from slam.result import SlamResult
+
+INK, WALL, PATH, ODOMETRY, CONCAVE, CONVEX = "#22272e", "#3b4554", "#1f77b4", "#9db8cc", "#d1495b", "#d98a1f"
+MOST_POINTS = 150_000
+"""Scan points drawn at most; a random sample stands for more."""
+
+
+def draw_map(path: Path, title: str, result: SlamResult, rng: Generator) -> None:
+    """Draw walls as seen, trajectory, odometry and landmarks with their 2-sigma ellipses.
+
+    Parameters
+    ----------
+    path : PNG file to write.
+    title : heading of the picture.
+    result : what to draw, world frame.
+    rng : chooses the scan points where there are too many to draw.
+    """
+    with mpl.rc_context({"font.size": 10, "axes.edgecolor": "#9aa4b2", "axes.labelcolor": INK, "text.color": INK}):
+        poses = result.trajectory.poses[:, :2]
+        low, high = _extent(result)
+        width, height = high - low
+        figure = Figure(figsize=_size(width, height), layout="constrained")
+        FigureCanvasAgg(figure)
+        axes = figure.add_subplot()
+        axes.set_facecolor("#fbfbfa")
+
+        points = result.points
+        if len(points) > MOST_POINTS:
+            points = points[np.sort(rng.choice(len(points), MOST_POINTS, replace=False))]
+        axes.plot(points[:, 0], points[:, 1], ",", color="#8a94a3", alpha=0.5, zorder=1)
+        axes.add_collection(LineCollection(list(result.walls), colors=WALL, linewidths=1.1, alpha=0.35, zorder=2))
+        odometry = result.odometry.poses
+        axes.plot(odometry[:, 0], odometry[:, 1], "--", color=ODOMETRY, linewidth=0.8, zorder=3)
+        axes.plot(poses[:, 0], poses[:, 1], color=PATH, linewidth=1.3, zorder=4)
+        axes.plot(*poses[0], "o", color=PATH, markersize=8, zorder=5)
+        axes.plot(*poses[-1], "s", color=PATH, markersize=7, zorder=5)
+
+        landmarks = result.landmarks
+        colors = np.where(landmarks.convex, CONVEX, CONCAVE)
+        widths, heights, angles = ellipses(landmarks.covs, sigmas=2.0)
+        magnification = _magnification(widths, max(width, height))
+        axes.add_collection(
+            EllipseCollection(
+                widths * magnification,
+                heights * magnification,
+                angles,
+                units="xy",
+                offsets=landmarks.positions,
+                offset_transform=axes.transData,
+                facecolors=colors,
+                edgecolors=colors,
+                linewidths=1.0,
+                alpha=0.35,
+                zorder=6,
+            )
+        )
+        axes.scatter(landmarks.positions[:, 0], landmarks.positions[:, 1], s=16, c=colors, marker="x", zorder=7)
+
+        axes.set_xlim(low[0], high[0])
+        axes.set_ylim(low[1], high[1])
+        axes.set_aspect("equal")
+        axes.grid(color="#e3e6ea", linewidth=0.6)
+        axes.set_axisbelow(True)
+        axes.set_xlabel("x [m]")
+        axes.set_ylabel("y [m]")
+        metrics = result.metrics
+        axes.set_title(
+            f"{title}\n{metrics.scans} scans, {metrics.duration_s:.0f} s, {metrics.landmarks} landmarks, "
+            f"{metrics.key_frames} key frames",
+            loc="left",
+            fontsize=11,
+            pad=10.0,
+        )
+        figure.legend(handles=_legend(magnification), loc="outside lower center", ncols=4, frameon=False, fontsize=9)
+        figure.savefig(path, dpi=150, bbox_inches="tight", pad_inches=0.15)
+
+
+def ellipses(covs: Array, sigmas: float) -> tuple[Array, Array, Array]:
+    """Full axes [m] and angle of the major one [deg] of covariance ellipses, shape (n,) each, of covs (n, 2, 2)."""
+    values, vectors = np.linalg.eigh(covs)
+    lengths = 2.0 * sigmas * np.sqrt(np.maximum(values, 0.0))
+    major = vectors[:, :, 1]
+    return lengths[:, 1], lengths[:, 0], np.degrees(np.arctan2(major[:, 1], major[:, 0]))
+
+
+def _magnification(axes_lengths: Array, extent: float) -> int:
+    """Power of ten that makes the median ellipse just visible on a map of this extent [m]."""
+    if len(axes_lengths) == 0:
+        return 1
+    shown = float(np.median(axes_lengths)) / extent
+    return int(10 ** max(0, np.ceil(np.log10(0.005 / shown)))) if shown > 0.0 else 1
+
+
+def _extent(result: SlamResult) -> tuple[Array, Array]:
+    """Corners of the part worth showing: all that the robot drove and nearly all that it saw."""
+    seen = [result.trajectory.poses[:, :2], result.landmarks.positions]
+    if len(result.points):
+        seen.append(np.percentile(result.points, [0.5, 99.5], axis=0))
+    if len(result.walls):
+        seen.append(np.percentile(result.walls.reshape(-1, 2), [0.5, 99.5], axis=0))
+    all_seen = np.concatenate(seen)
+    low, high = all_seen.min(axis=0), all_seen.max(axis=0)
+    margin = 0.04 * max(*(high - low), 1.0)
+    return low - margin, high + margin
+
+
+def _size(width: float, height: float) -> tuple[float, float]:
+    """Figure size [inch] that suits the shape of the map."""
+    longest = 10.0
+    scale = longest / max(width, height)
+    return max(width * scale, 6.0) + 0.8, max(height * scale, 4.0) + 1.4
+
+
+def _legend(magnification: int) -> list[Line2D]:
+    drawn = "2 sigma" if magnification == 1 else f"2 sigma x {magnification}"
+
+    def entry(label: str, **style: object) -> Line2D:
+        return Line2D([], [], label=label, **style)  # type: ignore[arg-type]  # style names are matplotlib's
+
+    return [
+        entry("walls as seen", color=WALL, alpha=0.6),
+        entry("trajectory", color=PATH),
+        entry("odometry alone", color=ODOMETRY, linestyle="--"),
+        entry("start", color=PATH, marker="o", linestyle=""),
+        entry("end", color=PATH, marker="s", linestyle=""),
+        entry(f"corner, concave, {drawn}", color=CONCAVE, marker="x", linestyle=""),
+        entry(f"corner, convex, {drawn}", color=CONVEX, marker="x", linestyle=""),
+    ]

@@ -1,0 +1,124 @@
+"""What a run yields: trajectories, the landmark map, the walls as seen and the figures of the run."""
+
+import csv
+import io
+from dataclasses import asdict, dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from features.se2 import Array
+from slam.trajectory import Trajectory
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class LandmarkMap:
+    """Corners of the building, world frame.
+
+    Parameters
+    ----------
+    ids : shape (n,).
+    positions : shape (n, 2) [m].
+    covs : shape (n, 2, 2) [m^2].
+    observations : times each was observed, shape (n,).
+    convex : shape (n,), bool.
+    opening_angles : shape (n,) [rad].
+    """
+
+    ids: NDArray[np.int64]
+    positions: Array
+    covs: Array
+    observations: NDArray[np.int64]
+    convex: NDArray[np.bool_]
+    opening_angles: Array
+
+    def __len__(self) -> int:
+        return self.ids.size
+
+    def to_csv(self) -> str:
+        """Table with one landmark a line, metres and degrees."""
+        text = io.StringIO()
+        table = csv.writer(text, lineterminator="\n")
+        table.writerow(
+            ["id", "x", "y", "cov_xx", "cov_xy", "cov_yy", "observations", "kind", "opening_angle_deg"],
+        )
+        for k in range(len(self)):
+            x, y = self.positions[k]
+            cov = self.covs[k]
+            table.writerow(
+                [
+                    self.ids[k],
+                    f"{x:.6f}",
+                    f"{y:.6f}",
+                    f"{cov[0, 0]:.6e}",
+                    f"{cov[0, 1]:.6e}",
+                    f"{cov[1, 1]:.6e}",
+                    self.observations[k],
+                    "convex" if self.convex[k] else "concave",
+                    f"{np.degrees(self.opening_angles[k]):.2f}",
+                ]
+            )
+        return text.getvalue()
+
+
+@dataclass(frozen=True, slots=True)
+class StageTime:
+    """Time of one stage of the pipeline over all its calls [ms]."""
+
+    mean_ms: float
+    p95_ms: float
+    max_ms: float
+
+    @classmethod
+    def of(cls, seconds: list[float]) -> "StageTime":
+        """Summarise durations [s]; zeros where there are none."""
+        if not seconds:
+            return cls(0.0, 0.0, 0.0)
+        times = np.array(seconds) * 1e3
+        return cls(float(times.mean()), float(np.percentile(times, 95)), float(times.max()))
+
+
+@dataclass(frozen=True, slots=True)
+class RunMetrics:
+    """Figures of a run; ``records`` counts every stamped record, ``scans`` those with a scan."""
+
+    scans: int
+    records: int
+    duration_s: float
+    wall_s: float
+    times_real_time: float
+    peak_memory_mb: float | None
+    landmarks: int
+    key_frames: int
+    stages: dict[str, StageTime]
+    interrupted: bool = False
+    ate_rmse_m: float | None = None
+    landmark_rmse_m: float | None = None
+
+    def to_dict(self) -> dict[str, object]:
+        """Plain dictionary for JSON, without what was not evaluated."""
+        return {key: value for key, value in asdict(self).items() if value is not None}
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class SlamResult:
+    """Everything that a run knows at its end, world frame.
+
+    Parameters
+    ----------
+    trajectory : final pose of every record.
+    trajectory_online : pose of the filter at each scan, as it was known at the time.
+    odometry : odometry pose of every record, in the odometry frame, which starts as the world frame.
+    landmarks : the map.
+    walls : lines seen from the key frames, ends, shape (n, 2, 2) [m].
+    points : scan points of the key frames, shape (m, 2) [m].
+    metrics : figures of the run.
+    """
+
+    trajectory: Trajectory
+    trajectory_online: Trajectory
+    odometry: Trajectory
+    landmarks: LandmarkMap
+    walls: Array
+    points: Array
+    metrics: RunMetrics

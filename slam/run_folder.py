@@ -1,0 +1,91 @@
+"""The folder that a run leaves behind, and what is read back from it."""
+
+import json
+import re
+from collections.abc import Iterator
+from contextlib import contextmanager
+from datetime import datetime
+from pathlib import Path
+
+import numpy as np
+
+from slam.config import SlamConfig, to_toml
+from slam.errors import RunFolderError
+from slam.result import SlamResult
+from slam.trajectory import Trajectory, read_tum, write_tum
+
+TRAJECTORY, TRAJECTORY_ONLINE = "trajectory.tum", "trajectory_online.tum"
+LANDMARKS, METRICS, CONFIG, MAP = "landmarks.csv", "metrics.json", "config.toml", "map.png"
+
+
+def default_folder(name: str, now: datetime) -> Path:
+    """``runs/<log>-<date>``, the date to the second."""
+    safe = re.sub(r"[^\w.-]+", "-", name)
+    return Path("runs") / f"{safe}-{now:%Y-%m-%d-%H%M%S}"
+
+
+@contextmanager
+def claimed(folder: Path, *, overwrite: bool) -> Iterator[Path]:
+    """Make the folder before a run, so that a run is not lost to it at the end; an empty one goes again on an error.
+
+    Raises
+    ------
+    RunFolderError
+        It holds something and ``overwrite`` is False, or it cannot be made or written to.
+    """
+    made = not folder.exists()
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        if any(folder.iterdir()) and not overwrite:
+            raise RunFolderError(f"{folder}: is not empty; choose another --out or give --overwrite")
+        probe = folder / ".write-test"
+        probe.touch()
+        probe.unlink()
+    except OSError as error:
+        raise RunFolderError(f"{folder}: cannot be used as run folder: {error.strerror or error}") from None
+    try:
+        yield folder
+    except BaseException:
+        if made and not any(folder.iterdir()):
+            folder.rmdir()
+        raise
+
+
+def save(folder: Path, title: str, config: SlamConfig, result: SlamResult) -> None:
+    """Write every file of a run; figures and tables first, the picture last.
+
+    Raises
+    ------
+    RunFolderError
+        A file cannot be written.
+    """
+    from slam.plot import draw_map
+
+    try:
+        write_tum(folder / TRAJECTORY, result.trajectory)
+        write_tum(folder / TRAJECTORY_ONLINE, result.trajectory_online)
+        (folder / LANDMARKS).write_text(result.landmarks.to_csv(), encoding="utf-8")
+        (folder / CONFIG).write_text(to_toml(config), encoding="utf-8")
+        metrics = json.dumps(result.metrics.to_dict(), indent=2, allow_nan=False)
+        (folder / METRICS).write_text(metrics + "\n", encoding="utf-8")
+        draw_map(folder / MAP, title, result, np.random.default_rng(config.seed))
+    except OSError as error:
+        raise RunFolderError(f"{folder}: cannot be written: {error.strerror or error}") from None
+
+
+def read_trajectory(folder: Path) -> Trajectory:
+    """Final trajectory of a run.
+
+    Raises
+    ------
+    RunFolderError
+        The folder is not there or holds no run.
+    TrajectoryFormatError
+        Its trajectory is damaged.
+    """
+    path = folder / TRAJECTORY
+    if not folder.is_dir():
+        raise RunFolderError(f"{folder}: no such run folder")
+    if not path.is_file():
+        raise RunFolderError(f"{folder}: holds no {TRAJECTORY}, so it is not a run folder")
+    return read_tum(path)

@@ -1,0 +1,52 @@
+"""Carry corrections of a few poses over to every odometry record between them."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from features.se2 import Array, wrap_angle
+
+
+def carry_corrections(poses_odom: Array, anchors: NDArray[np.int64], poses_anchor: Array) -> Array:
+    """Poses of all records, given the corrected poses of some.
+
+    Between two anchors a record is carried forward from the earlier and backward from the later one by odometry, and
+    the two are blended by the share of the motion between the anchors that lies behind it. Outside the anchors the
+    nearest one carries alone.
+
+    Parameters
+    ----------
+    poses_odom : odometry of every record, shape (n, 3).
+    anchors : record indices of the corrected poses, rising, shape (a,), a >= 1.
+    poses_anchor : corrected poses, world frame, shape (a, 3).
+
+    Returns
+    -------
+    shape (n, 3), world frame.
+    """
+    steps = np.diff(poses_odom, axis=0)
+    # A radian of turn weighs as much as a metre; standing still the correction moves on with the record number.
+    motion = np.hypot(steps[:, 0], steps[:, 1]) + np.abs(wrap_angle(steps[:, 2])) + 1e-9
+    behind = np.concatenate([[0.0], np.cumsum(motion)])
+    records = np.arange(len(poses_odom))
+    earlier = np.clip(np.searchsorted(anchors, records, side="right") - 1, 0, len(anchors) - 1)
+    later = np.minimum(earlier + 1, len(anchors) - 1)
+    later[records < anchors[0]] = 0
+
+    forward = _carry(poses_odom, anchors[earlier], poses_anchor[earlier])
+    backward = _carry(poses_odom, anchors[later], poses_anchor[later])
+    start, end = behind[anchors[earlier]], behind[anchors[later]]
+    share = np.divide(behind - start, end - start, out=np.zeros(len(records)), where=end > start)
+    difference = backward - forward
+    difference[:, 2] = wrap_angle(difference[:, 2])
+    blended = forward + share[:, None] * difference
+    blended[:, 2] = wrap_angle(blended[:, 2])
+    return blended
+
+
+def _carry(poses_odom: Array, anchors: NDArray[np.int64], poses_anchor: Array) -> Array:
+    turn = poses_anchor[:, 2] - poses_odom[anchors, 2]
+    c, s = np.cos(turn), np.sin(turn)
+    arm = poses_odom[:, :2] - poses_odom[anchors, :2]
+    x = poses_anchor[:, 0] + c * arm[:, 0] - s * arm[:, 1]
+    y = poses_anchor[:, 1] + s * arm[:, 0] + c * arm[:, 1]
+    return np.stack([x, y, wrap_angle(poses_odom[:, 2] + turn)], axis=-1)

@@ -1,0 +1,217 @@
+"""Trajectories: poses over time, and the TUM format in which they are kept."""
+
+import math
+import os
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from features.errors import CwlfError
+from features.se2 import Array, wrap_angle
+
+
+class TrajectoryFormatError(CwlfError):
+    """A trajectory file that cannot be read; the message names the file, the line and what was expected."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Trajectory:
+    """Poses of the robot in one frame, in the order of their stamps.
+
+    Parameters
+    ----------
+    stamps : shape (n,) [s], never decreasing.
+    poses : shape (n, 3) [m, m, rad].
+
+    Raises
+    ------
+    ValueError
+        Shapes do not fit, a value is not finite, or a stamp is smaller than the one before.
+    """
+
+    stamps: Array
+    poses: Array
+
+    def __post_init__(self) -> None:
+        stamps = np.ascontiguousarray(self.stamps, dtype=np.float64)
+        poses = np.ascontiguousarray(self.poses, dtype=np.float64)
+        if stamps.ndim != 1 or poses.shape != (stamps.size, 3):
+            raise ValueError(f"stamps {stamps.shape} and poses {poses.shape}: expected shapes (n,) and (n, 3)")
+        if not (np.isfinite(stamps).all() and np.isfinite(poses).all()):
+            raise ValueError("a stamp or pose is not finite: expected seconds, metres and radians")
+        backward = np.diff(stamps) < 0.0
+        if backward.any():
+            index = int(backward.argmax()) + 1
+            raise ValueError(f"stamp {index} is smaller than the one before: expected stamps in order")
+        object.__setattr__(self, "stamps", stamps)
+        object.__setattr__(self, "poses", poses)
+
+    def __len__(self) -> int:
+        return self.stamps.size
+
+    def at(self, stamps: ArrayLike, tolerance: float = 1e-6) -> Array:
+        """Interpolate the poses linearly in position and the shorter way round in heading.
+
+        Parameters
+        ----------
+        stamps : shape (k,) [s].
+        tolerance : a stamp outside the trajectory by no more than this takes the pose of its end [s]. By default the
+            resolution of a TUM file.
+
+        Returns
+        -------
+        poses : shape (k, 3) [m, m, rad], headings in [-pi, pi).
+
+        Raises
+        ------
+        ValueError
+            A stamp is outside the trajectory by more than the tolerance, or is not finite; the trajectory is empty.
+        """
+        wanted = _stamp_array(stamps)
+        if len(self) == 0:
+            raise ValueError("an empty trajectory has no poses to interpolate")
+        outside = ~((wanted >= self.stamps[0] - tolerance) & (wanted <= self.stamps[-1] + tolerance))
+        if outside.any():
+            raise ValueError(
+                f"stamp {wanted[outside.argmax()]:.6f} is outside the trajectory, which lasts from "
+                f"{self.stamps[0]:.6f} to {self.stamps[-1]:.6f}, by more than {tolerance:g} s"
+            )
+        after = np.clip(np.searchsorted(self.stamps, wanted), 1, max(len(self) - 1, 1))
+        before, after = after - 1, np.minimum(after, len(self) - 1)
+        duration = self.stamps[after] - self.stamps[before]
+        elapsed = wanted - self.stamps[before]
+        weight = np.clip(np.divide(elapsed, duration, out=np.zeros_like(wanted), where=duration > 0.0), 0.0, 1.0)
+        step = self.poses[after] - self.poses[before]
+        step[:, 2] = wrap_angle(step[:, 2])
+        poses = self.poses[before] + weight[:, np.newaxis] * step
+        poses[:, 2] = wrap_angle(poses[:, 2])
+        return poses
+
+    def nearest(self, stamps: ArrayLike, tolerance: float) -> NDArray[np.intp]:
+        """Look up the pose nearest in time, of two equally near ones the earlier.
+
+        Parameters
+        ----------
+        stamps : shape (k,) [s].
+        tolerance : a pose that is further away than this is no match [s].
+
+        Returns
+        -------
+        indices : shape (k,), -1 where no pose is near enough.
+
+        Raises
+        ------
+        ValueError
+            A stamp is not finite.
+        """
+        wanted = _stamp_array(stamps)
+        if len(self) == 0:
+            return np.full(wanted.shape, -1, dtype=np.intp)
+        after = np.minimum(np.searchsorted(self.stamps, wanted, side="right"), len(self) - 1)
+        before = np.maximum(after - 1, 0)
+        to_after = self.stamps[after] - wanted
+        to_before = wanted - self.stamps[before]
+        indices = np.where((to_after < to_before) | (after == 0), after, before)
+        return np.where(np.abs(self.stamps[indices] - wanted) <= tolerance, indices, -1)
+
+
+def _stamp_array(stamps: ArrayLike) -> Array:
+    array = np.asarray(stamps, dtype=np.float64)
+    if array.ndim != 1 or not np.isfinite(array).all():
+        raise ValueError(f"stamps of shape {array.shape}: expected finite seconds of shape (k,)")
+    return array
+
+
+def write_tum(path: str | os.PathLike[str], trajectory: Trajectory) -> None:
+    """Write a trajectory as lines `stamp x y z qx qy qz qw`, stamps to 1e-6 s and the others to 1e-9.
+
+    Parameters
+    ----------
+    path : file to write; an existing one is replaced.
+    trajectory : the same one gives the same bytes.
+
+    Raises
+    ------
+    OSError
+        The file cannot be written.
+    """
+    lines = (
+        f"{stamp:.6f} {x:.9f} {y:.9f} 0 0 0 {math.sin(theta / 2.0):.9f} {math.cos(theta / 2.0):.9f}\n"
+        for stamp, (x, y, theta) in zip(trajectory.stamps.tolist(), trajectory.poses.tolist(), strict=True)
+    )
+    Path(path).write_bytes("".join(lines).encode("ascii"))
+
+
+def read_tum(path: str | os.PathLike[str]) -> Trajectory:
+    """Read a trajectory of lines `stamp x y z qx qy qz qw`; of a pose in space, x, y and the yaw are kept.
+
+    The yaw is that of roll, pitch, yaw: the direction of the rotated x axis seen from above.
+
+    Parameters
+    ----------
+    path : file to read; blank lines and those that begin with `#` are skipped.
+
+    Raises
+    ------
+    TrajectoryFormatError
+        The file cannot be read or has no pose, a line has not eight finite numbers, a quaternion is zero, or a stamp
+        is smaller than the one before.
+    """
+    stamps: list[float] = []
+    poses: list[tuple[float, float, float]] = []
+    for number, values in read_rows(path, "stamp x y z qx qy qz qw", TrajectoryFormatError):
+        stamp, x, y, _, *quaternion = values
+        if stamps and stamp < stamps[-1]:
+            raise TrajectoryFormatError(
+                f"{path}, line {number}: stamp goes back by {stamps[-1] - stamp:.6f} s: expected stamps in order"
+            )
+        if math.hypot(*quaternion) < 1e-6:
+            raise TrajectoryFormatError(f"{path}, line {number}: quaternion is zero: expected one of length 1")
+        stamps.append(stamp)
+        poses.append((x, y, _yaw(*quaternion)))
+    if not stamps:
+        raise TrajectoryFormatError(f"{path} has no pose: expected lines of `stamp x y z qx qy qz qw`")
+    return Trajectory(np.array(stamps), np.array(poses))
+
+
+def _yaw(qx: float, qy: float, qz: float, qw: float) -> float:
+    return wrap_angle(math.atan2(2.0 * (qw * qz + qx * qy), qw * qw + qx * qx - qy * qy - qz * qz))
+
+
+def read_rows(
+    path: str | os.PathLike[str], columns: str, error_type: type[CwlfError]
+) -> Iterator[tuple[int, list[float]]]:
+    """Yield line number and finite values of each line of a table of numbers in a text file.
+
+    Parameters
+    ----------
+    path : file to read; blank lines and those that begin with `#` are skipped.
+    columns : names of the columns, separated by blanks; a line must have as many values.
+    error_type : what to raise; the message names file, line, cause and the columns that were expected.
+    """
+    try:
+        lines = Path(path).read_text(encoding="utf-8").split("\n")
+    except UnicodeDecodeError:
+        raise error_type(f"{path} is not text: expected lines of `{columns}`") from None
+    except OSError as error:
+        raise error_type(f"{path} cannot be read ({error.strerror}): expected lines of `{columns}`") from error
+    for number, line in enumerate(lines, start=1):
+        fields = line.split()
+        if not fields or fields[0].startswith("#"):
+            continue
+        if len(fields) != len(columns.split()):
+            raise error_type(f"{path}, line {number}: {len(fields)} fields: expected `{columns}`")
+        for field in fields:
+            if not _is_finite_number(field):
+                raise error_type(f"{path}, line {number}: {field[:40]!r} is no finite number: expected `{columns}`")
+        yield number, list(map(float, fields))
+
+
+def _is_finite_number(field: str) -> bool:
+    try:
+        return math.isfinite(float(field)) and "_" not in field
+    except ValueError:
+        return False

@@ -1,0 +1,44 @@
+"""The extraction's rules refuse what contradicts itself and name it."""
+
+import pytest
+from pydantic import ValidationError
+
+from features import ExtractionConfig
+
+
+def test_a_misspelt_key_is_refused_by_name():
+    with pytest.raises(ValidationError, match="split_distanse_mm"):
+        ExtractionConfig(split_distanse_mm=60.0)
+
+
+def test_corner_angles_must_be_in_order():
+    with pytest.raises(ValidationError, match="corner_angle_min_deg 120 must be below corner_angle_max_deg 60"):
+        ExtractionConfig(corner_angle_min_deg=120.0, corner_angle_max_deg=60.0)
+
+
+@pytest.mark.parametrize(
+    ("key", "value"),
+    [
+        ("covariance", "arras"),
+        ("jump_angle_deg", 0.0),
+        ("jump_angle_deg", 90.0),
+        ("gap_beams", 1.0),
+        ("split_distance_mm", 0.0),
+        ("split_sigmas", 0.0),
+        ("trim_points", -1),
+        ("trim_sigmas", -0.1),
+        ("min_points", 1),
+        ("min_length_m", 0.0),
+        ("corner_angle_min_deg", 0.0),
+        ("corner_angle_max_deg", 180.0),
+        ("corner_gap_mm", 0.0),
+    ],
+)
+def test_a_value_without_meaning_is_refused_by_key(key, value):
+    with pytest.raises(ValidationError, match=key):
+        ExtractionConfig(**{key: value})
+
+
+def test_rules_cannot_be_changed_afterwards():
+    with pytest.raises(ValidationError, match="frozen"):
+        ExtractionConfig().min_points = 3
