@@ -13,25 +13,27 @@ class ExtractionConfig(BaseModel):
 
     model_config = ConfigDict(frozen=True, extra="forbid")
 
-    covariance: Covariance = Field("propagated", description="covariance of lines and corners: propagated or paper")
-    jump_angle_deg: float = Field(
-        10.0, gt=0.0, lt=90.0, description="flattest wall that is still followed from beam to beam [deg]"
+    covariance: Covariance = Field(
+        default="propagated", description="covariance of lines and corners: propagated or paper"
     )
-    gap_beams: float = Field(3.5, gt=1.0, description="a gap of more beam spacings than this ends a segment")
-    split_distance_mm: float = Field(50.0, gt=0.0, description="floor of the IEPF threshold [mm]")
-    split_sigmas: float = Field(5.0, gt=0.0, description="IEPF threshold in standard deviations of a range")
-    trim_points: int = Field(1, ge=0, description="points at each end of a segment that belong to neither wall")
+    jump_angle_deg: float = Field(
+        default=10.0, gt=0.0, lt=90.0, description="flattest wall that is still followed from beam to beam [deg]"
+    )
+    gap_beams: float = Field(default=3.5, gt=1.0, description="a gap of more beam spacings than this ends a segment")
+    split_distance_mm: float = Field(default=50.0, gt=0.0, description="floor of the IEPF threshold [mm]")
+    split_sigmas: float = Field(default=5.0, gt=0.0, description="IEPF threshold in standard deviations of a range")
+    trim_points: int = Field(default=1, ge=0, description="points at each end of a segment that belong to neither wall")
     trim_sigmas: float = Field(
-        4.0,
+        default=4.0,
         ge=0.0,
         description="points nearer to the end of a segment than this, in standard deviations of a range, too",
     )
-    min_points: int = Field(5, ge=2, description="points of a line after trimming")
-    min_length_m: float = Field(0.25, gt=0.0, description="length of a line after trimming [m]")
-    corner_angle_min_deg: float = Field(30.0, gt=0.0, lt=180.0, description="sharpest corner [deg]")
-    corner_angle_max_deg: float = Field(150.0, gt=0.0, lt=180.0, description="bluntest corner [deg]")
+    min_points: int = Field(default=5, ge=2, description="points of a line after trimming")
+    min_length_m: float = Field(default=0.25, gt=0.0, description="length of a line after trimming [m]")
+    corner_angle_min_deg: float = Field(default=30.0, gt=0.0, lt=180.0, description="sharpest corner [deg]")
+    corner_angle_max_deg: float = Field(default=150.0, gt=0.0, lt=180.0, description="bluntest corner [deg]")
     corner_gap_mm: float = Field(
-        100.0, gt=0.0, description="how far walls may end from their intersection, beyond the beam spacing [mm]"
+        default=100.0, gt=0.0, description="how far walls may end from their intersection, beyond the beam spacing [mm]"
     )
 
     @model_validator(mode="after")

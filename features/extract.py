@@ -89,7 +89,7 @@ def extract(scan: LaserScan, model: SensorModel, config: ExtractionConfig = DEFA
 
 
 @njit(cache=True)
-def _extract_kernel(  # noqa: PLR0913, a compiled kernel takes scalars
+def _extract_kernel(
     scan_ranges,
     scan_angles,
     sigma_range,

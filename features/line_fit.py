@@ -17,7 +17,7 @@ LINE_FIELDS = 7
 
 
 @njit(cache=True)
-def fit_cwlf_kernel(xs, ys, first, last, var_range, var_bearing, propagated, row):  # noqa: PLR0913, a compiled loop takes scalars
+def fit_cwlf_kernel(xs, ys, first, last, var_range, var_bearing, propagated, row):
     """Fit the points first..last (inclusive) and fill ``row``; False where they do not define a line.
 
     Weights are eq. 23 or 34 with ``cos(theta) = x / rho``; the propagated covariance carries the effective variance of

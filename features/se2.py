@@ -66,7 +66,7 @@ def transform(pose_a_b: Pose, points_b: Array) -> Array:
 
 
 def compose_jacobians(pose_a_b: Pose, pose_b_c: Pose) -> tuple[Array, Array]:
-    """Derivatives of :func:`compose` with respect to its first and its second argument, each (3, 3)."""
+    """Differentiate :func:`compose` with respect to its first and its second argument, each (3, 3)."""
     c, s = math.cos(pose_a_b[2]), math.sin(pose_a_b[2])
     dx, dy = pose_b_c[:2]
     first = np.array([[1.0, 0.0, -s * dx - c * dy], [0.0, 1.0, c * dx - s * dy], [0.0, 0.0, 1.0]])

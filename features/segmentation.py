@@ -10,7 +10,7 @@ TWO_PI = 2.0 * math.pi
 
 @njit(cache=True)
 def order_returns(ranges, angles, range_min, range_max):
-    """Indices of the beams with a return, counter-clockwise."""
+    """Return the indices of the beams with a return, counter-clockwise."""
     n = ranges.size
     beams = np.empty(n, np.int64)
     count = 0
@@ -60,7 +60,7 @@ def find_jumps(ranges, angles, sigma_range, sigmas, jump_angle, largest_gap):
 
 
 @njit(cache=True)
-def split_segments(xs, ys, first, last, var_range, var_bearing, floor, sigmas, stack, breaks, count):  # noqa: PLR0913
+def split_segments(xs, ys, first, last, var_range, var_bearing, floor, sigmas, stack, breaks, count):
     """Split the points first..last by IEPF; append the first index of each segment to ``breaks``, return the new count.
 
     A point splits where its distance from the chord exceeds ``floor`` and ``sigmas`` standard deviations of a point
@@ -89,7 +89,7 @@ def split_segments(xs, ys, first, last, var_range, var_bearing, floor, sigmas, s
 
 
 @njit(cache=True)
-def farthest_point(xs, ys, a, b, var_range, var_bearing, floor, sigmas):  # noqa: PLR0913
+def farthest_point(xs, ys, a, b, var_range, var_bearing, floor, sigmas):
     """Index between a and b of the point that exceeds the threshold by the largest factor, -1 where none does."""
     chord_x = xs[b] - xs[a]
     chord_y = ys[b] - ys[a]

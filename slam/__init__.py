@@ -8,6 +8,7 @@ if TYPE_CHECKING:
     from slam.metrics import ate, rpe
     from slam.pipeline import Slam, Step
     from slam.result import LandmarkMap, SlamResult
+    from slam.run_folder import save_run
     from slam.trajectory import Trajectory
 
 __all__ = [
@@ -20,6 +21,7 @@ __all__ = [
     "ate",
     "load_config",
     "rpe",
+    "save_run",
 ]
 
 _HOMES = {
@@ -32,6 +34,7 @@ _HOMES = {
     "ate": "slam.metrics",
     "load_config": "slam.config",
     "rpe": "slam.metrics",
+    "save_run": "slam.run_folder",
 }
 
 

@@ -78,7 +78,7 @@ def demo(
         result, error = _process(source, config)
         evaluation = evaluate_simulated(source, result)
         metrics = replace(result.metrics, ate_rmse_m=evaluation.ate_rmse_m, landmark_rmse_m=evaluation.landmark_rmse_m)
-        _save(folder, "Simulated room", config, replace(result, metrics=metrics), error)
+        _save(folder, "Simulated room", replace(result, metrics=metrics), error)
     typer.echo(
         f"ATE {evaluation.ate_rmse_m:.4f} m (odometry alone {evaluation.odometry_ate_rmse_m:.3f} m), "
         f"landmark RMSE {evaluation.landmark_rmse_m:.4f} m, "
@@ -112,7 +112,7 @@ def run(
     )
     with claimed(out or default_folder(source.name, datetime.now()), overwrite=overwrite) as folder:
         result, error = _process(source, effective, limit)
-        _save(folder, source.name, effective, result, error)
+        _save(folder, source.name, result, error)
     _leave(result)
 
 
@@ -185,10 +185,10 @@ def _process(source: FrameSource, config: SlamConfig, limit: int | None = None) 
         return slam.finish(interrupted=interrupt.requested), error
 
 
-def _save(folder: Path, title: str, config: SlamConfig, result: SlamResult, error: CwlfError | None) -> None:
-    from slam.run_folder import save
+def _save(folder: Path, title: str, result: SlamResult, error: CwlfError | None) -> None:
+    from slam.run_folder import save_run
 
-    save(folder, title, config, result)
+    save_run(folder, result, title)
     if error is not None:
         raise type(error)(f"{error} (what came before is in {folder})")
     metrics = result.metrics

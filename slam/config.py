@@ -15,16 +15,16 @@ from slam.errors import ConfigError
 
 
 class _Section(BaseModel):
-    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
+    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False, strict=True)
 
 
 class MountingConfig(_Section):
     """Pose of the sensor on the robot."""
 
-    x_m: float = Field(0.0, description="forward of the robot's centre [m]")
-    y_m: float = Field(0.0, description="to the left of the robot's centre [m]")
-    yaw_deg: float = Field(0.0, description="direction of the sensor's x axis [deg]")
-    upside_down: bool = Field(False, description="the sensor hangs with its face down")
+    x_m: float = Field(default=0.0, description="forward of the robot's centre [m]")
+    y_m: float = Field(default=0.0, description="to the left of the robot's centre [m]")
+    yaw_deg: float = Field(default=0.0, description="direction of the sensor's x axis [deg]")
+    upside_down: bool = Field(default=False, description="the sensor hangs with its face down")
 
     @classmethod
     def of(cls, mounting: Mounting) -> "MountingConfig":
@@ -81,24 +81,36 @@ class SensorConfig(_Section):
 class OdometryConfig(_Section):
     """Random walk of wheel odometry; each variance grows in proportion to the motion."""
 
-    position_per_travel: float = Field(0.05, gt=0.0, description="sigma of position after 1 m [m]")
-    position_per_turn: float = Field(0.03, gt=0.0, description="sigma of position after a turn of 1 rad [m]")
-    heading_per_travel_deg: float = Field(3.0, gt=0.0, description="sigma of heading after 1 m [deg]")
-    heading_per_turn_deg: float = Field(6.0, gt=0.0, description="sigma of heading after a turn of 1 rad [deg]")
+    position_per_travel: float = Field(default=0.05, gt=0.0, description="sigma of position after 1 m [m]")
+    position_per_turn: float = Field(default=0.03, gt=0.0, description="sigma of position after a turn of 1 rad [m]")
+    heading_per_travel_deg: float = Field(default=3.0, gt=0.0, description="sigma of heading after 1 m [deg]")
+    heading_per_turn_deg: float = Field(default=6.0, gt=0.0, description="sigma of heading after a turn of 1 rad [deg]")
 
 
 class FrontEndConfig(_Section):
     """EKF and data association."""
 
-    update_distance_m: float = Field(0.1, ge=0.0, description="motion after which corners update the filter again [m]")
-    update_angle_deg: float = Field(3.0, ge=0.0, description="turn after which corners update the filter again [deg]")
-    match_probability: float = Field(0.99, gt=0.0, lt=1.0, description="chi-square level of the association gate")
-    birth_probability: float = Field(
-        0.9999, gt=0.0, lt=1.0, description="chi-square level beyond which a corner is a new landmark"
+    update_distance_m: float = Field(
+        default=0.1, ge=0.0, description="motion after which corners update the filter again [m]"
     )
-    birth_distance_m: float = Field(0.5, ge=0.0, description="nearest landmark of the same kind to a new one [m]")
-    opening_tolerance_deg: float = Field(20.0, gt=0.0, description="opening angles that may belong together [deg]")
-    orientation_tolerance_deg: float = Field(30.0, gt=0.0, description="orientations that may belong together [deg]")
+    update_angle_deg: float = Field(
+        default=3.0, ge=0.0, description="turn after which corners update the filter again [deg]"
+    )
+    match_probability: float = Field(
+        default=0.99, gt=0.0, lt=1.0, description="chi-square level of the association gate"
+    )
+    birth_probability: float = Field(
+        default=0.9999, gt=0.0, lt=1.0, description="chi-square level beyond which a corner is a new landmark"
+    )
+    birth_distance_m: float = Field(
+        default=0.5, ge=0.0, description="nearest landmark of the same kind to a new one [m]"
+    )
+    opening_tolerance_deg: float = Field(
+        default=20.0, gt=0.0, description="opening angles that may belong together [deg]"
+    )
+    orientation_tolerance_deg: float = Field(
+        default=30.0, gt=0.0, description="orientations that may belong together [deg]"
+    )
 
     @model_validator(mode="after")
     def _ordered(self) -> "FrontEndConfig":
@@ -113,24 +125,24 @@ class FrontEndConfig(_Section):
 class BackEndConfig(_Section):
     """Factor graph."""
 
-    key_frame_distance_m: float = Field(0.3, gt=0.0, description="motion between key frames [m]")
-    key_frame_angle_deg: float = Field(15.0, gt=0.0, description="turn between key frames [deg]")
+    key_frame_distance_m: float = Field(default=0.3, gt=0.0, description="motion between key frames [m]")
+    key_frame_angle_deg: float = Field(default=15.0, gt=0.0, description="turn between key frames [deg]")
     cauchy_scale: float = Field(
-        2.0, gt=0.0, description="residual, in sigmas, where the robust kernel halves the weight of a corner"
+        default=2.0, gt=0.0, description="residual, in sigmas, where the robust kernel halves the weight of a corner"
     )
-    max_iterations: int = Field(100, ge=1, description="iterations of the batch solve at most")
+    max_iterations: int = Field(default=100, ge=1, description="iterations of the batch solve at most")
 
 
 class MapConfig(_Section):
     """What the map shows."""
 
-    min_observations: int = Field(3, ge=1, description="times a landmark must have been observed")
+    min_observations: int = Field(default=3, ge=1, description="times a landmark must have been observed")
 
 
 class SlamConfig(_Section):
     """Everything a run depends on beside its data."""
 
-    seed: int = Field(0, ge=0, description="seed of what is random in a run: the scan points drawn on the map")
+    seed: int = Field(default=0, ge=0, description="seed of what is random in a run: the scan points drawn on the map")
     sensor: SensorConfig
     extraction: ExtractionConfig = ExtractionConfig()
     odometry: OdometryConfig = OdometryConfig()
@@ -172,9 +184,11 @@ def load_config(
     if not isinstance(sensor, dict):
         raise ConfigError(f"{where}sensor: expected a table [sensor]")
     file_preset = sensor.get("preset")
+    if not isinstance(file_preset, str | None):
+        raise ConfigError(f"{where}sensor.preset: {file_preset!r}: expected the name of a sensor")
     if preset is not None and file_preset is not None and preset != file_preset:
         raise ConfigError(f"{where}sensor.preset is {file_preset!r} but the sensor asked for is {preset!r}: drop one")
-    chosen = preset or file_preset or source_preset
+    chosen = next(name for name in (preset, file_preset, source_preset) if name is not None)
     try:
         base = SlamConfig.of_preset(chosen, source_mounting).model_dump()
         merged = _overlay(base, given)

@@ -67,7 +67,7 @@ class LandmarkEkf(ExtendedKalmanFilter):
         self.x, self.P = x, P
         self._save_prior()
 
-    def update(  # noqa: PLR0913, filterpy's signature
+    def update(
         self,
         z: Array,
         HJacobian: Callable[..., csr_array],
@@ -109,7 +109,7 @@ class LandmarkEkf(ExtendedKalmanFilter):
             positions_robot.ravel(),
             lambda x: corner_jacobian(x, landmarks),
             lambda x: predict_corners(x, landmarks).ravel(),
-            R=block_diag(*covs),
+            R=np.asarray(block_diag(*covs)),
         )
 
     def add_landmarks(self, positions_robot: Array, covs: Array) -> None:
@@ -124,7 +124,7 @@ class LandmarkEkf(ExtendedKalmanFilter):
         by_pose[0::2, 2] = -arms[:, 1]
         by_pose[1::2, 2] = arms[:, 0]
         cross = by_pose @ self.P[:POSE_DIM]
-        own = cross[:, :POSE_DIM] @ by_pose.T + block_diag(*(turn @ covs @ turn.T))
+        own = cross[:, :POSE_DIM] @ by_pose.T + np.asarray(block_diag(*(turn @ covs @ turn.T)))
         self.x = np.concatenate([self.x, (self.x[:2] + arms).ravel()])
         self.P = np.block([[self.P, cross.T], [cross, 0.5 * (own + own.T)]])
         self.dim_x = self.x.size
@@ -144,7 +144,7 @@ def predict_corners(x: Array, landmarks: NDArray[np.int64]) -> Array:
 
 
 def corner_jacobian(x: Array, landmarks: NDArray[np.int64]) -> csr_array:
-    """Derivative of :func:`predict_corners` by the state, shape (2 k, dim_x), five entries a row, eq. M15."""
+    """Differentiate :func:`predict_corners` by the state, shape (2 k, dim_x), five entries a row, eq. M15."""
     by_pose, by_landmark = corner_jacobian_blocks(x, landmarks)
     k = len(landmarks)
     values = np.empty((k, 2, 5))

@@ -83,7 +83,7 @@ class LandmarkGraph:
             prior = gtsam.noiseModel.Diagonal.Sigmas(ANCHOR_SIGMAS)
             self._graph.add(gtsam.PriorFactorPose2(X(0), gtsam.Pose2(*pose_world_robot), prior))
         else:
-            # GTSAM measures the error of a motion in the frame of its end, the covariance is given in that of its start.
+            # GTSAM takes the error of a motion in the frame of its end; the covariance is given in that of its start.
             to_end = np.eye(3)
             to_end[:2, :2] = rotation(motion[2]).T
             noise = gtsam.noiseModel.Gaussian.Covariance(to_end @ motion_cov @ to_end.T)

@@ -241,6 +241,7 @@ class Slam:
                 stages={name: StageTime.of(seconds) for name, seconds in self._stages.items()},
                 interrupted=interrupted,
             ),
+            config=self.config,
         )
 
     @property

@@ -6,6 +6,7 @@ import matplotlib as mpl
 import numpy as np
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.collections import EllipseCollection, LineCollection
+from matplotlib.colors import to_rgba_array
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from numpy.random import Generator
@@ -32,6 +33,7 @@ def draw_map(path: Path, title: str, result: SlamResult, rng: Generator) -> None
         poses = result.trajectory.poses[:, :2]
         low, high = _extent(result)
         width, height = high - low
+        extent = max(width, height)
         figure = Figure(figsize=_size(width, height), layout="constrained")
         FigureCanvasAgg(figure)
         axes = figure.add_subplot()
@@ -51,7 +53,8 @@ def draw_map(path: Path, title: str, result: SlamResult, rng: Generator) -> None
         landmarks = result.landmarks
         colors = np.where(landmarks.convex, CONVEX, CONCAVE)
         widths, heights, angles = ellipses(landmarks.covs, sigmas=2.0)
-        magnification = _magnification(widths, max(width, height))
+        magnification = _magnification(widths, extent)
+        # A large ellipse is an outline, so that it hides nothing.
         axes.add_collection(
             EllipseCollection(
                 widths * magnification,
@@ -60,11 +63,10 @@ def draw_map(path: Path, title: str, result: SlamResult, rng: Generator) -> None
                 units="xy",
                 offsets=landmarks.positions,
                 offset_transform=axes.transData,
-                facecolors=colors,
-                edgecolors=colors,
-                linewidths=1.0,
-                alpha=0.35,
-                zorder=6,
+                facecolors=to_rgba_array(colors, np.where(widths * magnification < 0.05 * extent, 0.35, 0.0)),
+                edgecolors=to_rgba_array(colors, np.where(widths * magnification < 0.05 * extent, 0.6, 0.25)),
+                linewidths=0.8,
+                zorder=3,
             )
         )
         axes.scatter(landmarks.positions[:, 0], landmarks.positions[:, 1], s=16, c=colors, marker="x", zorder=7)

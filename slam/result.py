@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from features.se2 import Array
+from slam.config import SlamConfig
 from slam.trajectory import Trajectory
 
 
@@ -113,6 +114,7 @@ class SlamResult:
     walls : lines seen from the key frames, ends, shape (n, 2, 2) [m].
     points : scan points of the key frames, shape (m, 2) [m].
     metrics : figures of the run.
+    config : what the run was configured with.
     """
 
     trajectory: Trajectory
@@ -122,3 +124,4 @@ class SlamResult:
     walls: Array
     points: Array
     metrics: RunMetrics
+    config: SlamConfig

@@ -1,6 +1,7 @@
 """The folder that a run leaves behind, and what is read back from it."""
 
 import json
+import os
 import re
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -9,7 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
-from slam.config import SlamConfig, to_toml
+from slam.config import to_toml
 from slam.errors import RunFolderError
 from slam.result import SlamResult
 from slam.trajectory import Trajectory, read_tum, write_tum
@@ -51,8 +52,14 @@ def claimed(folder: Path, *, overwrite: bool) -> Iterator[Path]:
         raise
 
 
-def save(folder: Path, title: str, config: SlamConfig, result: SlamResult) -> None:
+def save_run(folder: str | os.PathLike[str], result: SlamResult, title: str | None = None) -> None:
     """Write every file of a run; figures and tables first, the picture last.
+
+    Parameters
+    ----------
+    folder : where to write; made if need be, files of a run that are there are replaced.
+    result : what the run yielded.
+    title : heading of the map; the folder's name by default.
 
     Raises
     ------
@@ -61,20 +68,23 @@ def save(folder: Path, title: str, config: SlamConfig, result: SlamResult) -> No
     """
     from slam.plot import draw_map
 
+    folder = Path(folder)
+    config = result.config
     try:
+        folder.mkdir(parents=True, exist_ok=True)
         write_tum(folder / TRAJECTORY, result.trajectory)
         write_tum(folder / TRAJECTORY_ONLINE, result.trajectory_online)
         (folder / LANDMARKS).write_text(result.landmarks.to_csv(), encoding="utf-8")
         (folder / CONFIG).write_text(to_toml(config), encoding="utf-8")
         metrics = json.dumps(result.metrics.to_dict(), indent=2, allow_nan=False)
         (folder / METRICS).write_text(metrics + "\n", encoding="utf-8")
-        draw_map(folder / MAP, title, result, np.random.default_rng(config.seed))
+        draw_map(folder / MAP, title or folder.name, result, np.random.default_rng(config.seed))
     except OSError as error:
         raise RunFolderError(f"{folder}: cannot be written: {error.strerror or error}") from None
 
 
 def read_trajectory(folder: Path) -> Trajectory:
-    """Final trajectory of a run.
+    """Read the final trajectory of a run.
 
     Raises
     ------

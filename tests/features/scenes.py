@@ -10,14 +10,21 @@ FULL_TURN = np.asarray(-np.pi + 2.0 * np.pi * np.arange(920) / 920.0)
 HALF_TURN = np.asarray(np.radians(np.arange(-90.0, 90.5, 0.5)))
 
 
-def exact_scan(world: World, angles: Array = FULL_TURN, pose: tuple[float, float, float] = (0.0, 0.0, 0.0)) -> LaserScan:
+def exact_scan(
+    world: World, angles: Array = FULL_TURN, pose: tuple[float, float, float] = (0.0, 0.0, 0.0)
+) -> LaserScan:
     """Scan without noise, of a sensor at ``pose``."""
     ranges, _ = cast(world.walls, np.array(pose[:2]), angles + pose[2])
     return LaserScan(ranges, angles)
 
 
 def noisy_scan(
-    world: World, pose: Array, rng: np.random.Generator, sigma_range: float, sigma_bearing: float, angles: Array = FULL_TURN
+    world: World,
+    pose: Array,
+    rng: np.random.Generator,
+    sigma_range: float,
+    sigma_bearing: float,
+    angles: Array = FULL_TURN,
 ) -> LaserScan:
     """Scan with the noise of section III of the paper."""
     lidar = Lidar(angles, sigma_range, sigma_bearing, range_min=0.1, range_max=40.0, rate=10.0)

@@ -13,7 +13,6 @@ ANGLES = np.array([0.0, 0.1, 0.2])
     [
         ([1.0, 2.0], ANGLES, 0.0, r"one angle per range: \(2,\) ranges, \(3,\) angles"),
         ([[1.0, 2.0, 3.0]], [ANGLES], 0.0, r"one angle per range: \(1, 3\) ranges"),
-        (1.0, 0.0, 0.0, "one angle per range"),
         ([1.0, np.nan, 3.0], ANGLES, 0.0, "range of beam 1 is nan: expected metres, or inf for no return"),
         ([1.0, 2.0, -0.5], ANGLES, 0.0, "range of beam 2 is -0.5"),
         ([-np.inf, 2.0, 1.0], ANGLES, 0.0, "range of beam 0 is -inf"),

@@ -10,6 +10,8 @@ from hypothesis import strategies as st
 
 from features.se2 import between, compose, compose_jacobians, inverse, pose, rotation, transform, wrap_angle
 
+from .laws import law
+
 COORDINATES = st.floats(-100.0, 100.0)
 HEADINGS = st.one_of(
     st.floats(-math.pi, math.pi),
@@ -32,34 +34,40 @@ def assert_same_pose(pose_a, pose_b):
     np.testing.assert_allclose(difference(pose_a, pose_b), 0.0, atol=ROUNDING)
 
 
+@law
 @given(POSES, POSES, POSES)
 def test_composition_is_associative(a, b, c):
     assert_same_pose(compose(compose(a, b), c), compose(a, compose(b, c)))
 
 
+@law
 @given(POSES)
 def test_the_identity_changes_nothing(a):
     assert_same_pose(compose(a, pose()), a)
     assert_same_pose(compose(pose(), a), a)
 
 
+@law
 @given(POSES)
 def test_a_pose_and_its_inverse_cancel(a):
     assert_same_pose(compose(a, inverse(a)), pose())
     assert_same_pose(compose(inverse(a), a), pose())
 
 
+@law
 @given(POSES, POSES)
 def test_between_undoes_composition(a, b):
     assert_same_pose(between(a, compose(a, b)), b)
     assert_same_pose(between(a, b), compose(inverse(a), b))
 
 
+@law
 @given(POSES, POSES, POINTS)
 def test_transforming_twice_is_transforming_by_the_composition(a, b, point):
     np.testing.assert_allclose(transform(a, transform(b, point)), transform(compose(a, b), point), atol=ROUNDING)
 
 
+@law
 @given(POSES, POINTS)
 def test_transform_moves_one_point_as_it_moves_many(a, point):
     many = transform(a, np.stack([point, 2.0 * point]))
@@ -67,23 +75,27 @@ def test_transform_moves_one_point_as_it_moves_many(a, point):
     np.testing.assert_allclose(many[0], transform(a, point), atol=ROUNDING)
 
 
+@law
 @given(POSES, POINTS)
 def test_transform_agrees_with_the_translation_of_a_composition(a, point):
     np.testing.assert_allclose(transform(a, point), compose(a, pose(*point))[:2], atol=ROUNDING)
 
 
+@law
 @given(HEADINGS)
 def test_rotation_is_orthogonal_and_turns_counter_clockwise(theta):
     np.testing.assert_allclose(rotation(theta) @ rotation(theta).T, np.eye(2), atol=1e-15)
     np.testing.assert_allclose(rotation(theta) @ [1.0, 0.0], [math.cos(theta), math.sin(theta)], atol=1e-15)
 
 
+@law
 @given(POSES, POSES)
 def test_headings_are_wrapped(a, b):
     for heading in (compose(a, b)[2], inverse(a)[2], between(a, b)[2]):
         assert -math.pi <= heading <= math.pi
 
 
+@law
 @given(st.floats(-1e3, 1e3))
 @example(math.pi)
 @example(-math.pi)
@@ -106,6 +118,7 @@ def test_an_angle_just_below_minus_pi_wraps_into_the_half_open_turn():
     assert wrap_angle(math.nextafter(-math.pi, -4.0)) < math.pi
 
 
+@law
 @given(POSES, POSES)
 def test_jacobians_of_the_composition_are_its_derivatives(a, b):
     by_first, by_second = compose_jacobians(a, b)

@@ -10,6 +10,8 @@ from hypothesis import strategies as st
 from features import SENSOR_PRESETS, Mounting, SensorModel, sensor_preset
 from features.se2 import transform, wrap_angle
 
+from .laws import law
+
 GOOD = {"sigma_range": 0.02, "sigma_bearing": 0.002, "range_min": 0.1, "range_max": 40.0}
 MOUNTINGS = st.builds(
     Mounting,
@@ -51,6 +53,7 @@ def test_an_unknown_preset_is_refused_with_the_known_ones():
         sensor_preset("rplidar-s9")
 
 
+@law
 @given(MOUNTINGS, st.floats(-10.0, 10.0))
 def test_points_and_directions_are_turned_alike(mounting, angle):
     """A point one metre along a direction lies, seen from the sensor's place, along the turned direction."""
@@ -60,6 +63,7 @@ def test_points_and_directions_are_turned_alike(mounting, angle):
     np.testing.assert_allclose(arm, [math.cos(turned), math.sin(turned)], atol=1e-13)
 
 
+@law
 @given(MOUNTINGS, st.floats(-5.0, 5.0), st.floats(-5.0, 5.0))
 def test_one_point_is_carried_as_many_are(mounting, x, y):
     many = mounting.points_to_robot(np.array([[x, y], [0.0, 0.0]]))
@@ -67,6 +71,7 @@ def test_one_point_is_carried_as_many_are(mounting, x, y):
     np.testing.assert_array_equal(many[1], [mounting.x, mounting.y])
 
 
+@law
 @given(MOUNTINGS)
 def test_the_axes_are_a_rotation_or_a_mirrored_one(mounting):
     np.testing.assert_allclose(mounting.axes @ mounting.axes.T, np.eye(2), atol=1e-15)
@@ -76,7 +81,9 @@ def test_the_axes_are_a_rotation_or_a_mirrored_one(mounting):
 def test_a_sensor_face_up_carries_points_as_its_pose_does():
     mounting = Mounting(0.3, -0.2, 2.5)
     points = np.array([[1.0, 2.0], [-3.0, 0.5]])
-    np.testing.assert_allclose(mounting.points_to_robot(points), transform(mounting.pose_robot_sensor, points), atol=1e-15)
+    np.testing.assert_allclose(
+        mounting.points_to_robot(points), transform(mounting.pose_robot_sensor, points), atol=1e-15
+    )
 
 
 def test_upside_down_what_is_left_of_the_sensor_is_right_of_the_robot():
@@ -91,6 +98,7 @@ def test_upside_down_and_turned_the_sensor_is_mirrored_first():
     assert mounting.direction_to_robot(math.pi / 2.0) == pytest.approx(0.0)
 
 
+@law
 @given(st.floats(-10.0, 10.0))
 def test_the_pose_of_a_mounting_has_a_wrapped_heading(theta):
     assert Mounting(1.0, 2.0, theta).pose_robot_sensor[2] == wrap_angle(theta)

@@ -1,0 +1,5 @@
+"""How the laws of this folder are sampled: the same examples in every run, and no clock, for compiling takes its time."""
+
+from hypothesis import settings
+
+law = settings(derandomize=True, deadline=None, max_examples=60)

@@ -1,2 +1,0 @@
-from .extraction_twin import extract
-def test_x(): assert extract

@@ -1,0 +1,62 @@
+"""What the README and the examples show runs as it is shown."""
+
+import re
+import runpy
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from features.se2 import pose
+from sim import Lidar, room
+
+ROOT = Path(__file__).parent.parent
+SNIPPETS = re.findall(r"```python\n(.*?)```", (ROOT / "README.md").read_text(encoding="utf-8"), flags=re.DOTALL)
+
+
+@pytest.fixture
+def log(tmp_path: Path) -> Path:
+    """A short CARMEN log in the current directory, under the name that the README uses."""
+    rng = np.random.default_rng(0)
+    lidar = Lidar.of_preset("sick-lms")
+    lines = []
+    for number in range(30):
+        robot = pose(2.0 + 0.05 * number, 2.0, 0.01 * number)
+        ranges = np.minimum(lidar.scan(room(), robot, 0.0, rng).ranges, 81.83)
+        readings = " ".join(f"{value:.2f}" for value in ranges)
+        x, y, theta = robot
+        lines.append(
+            f"FLASER {len(ranges)} {readings} {x} {y} {theta} {x} {y} {theta} {number / 5:.3f} host {number / 5:.3f}"
+        )
+    path = tmp_path / "my.log"
+    path.write_text("\n".join(lines) + "\n")
+    return path
+
+
+def test_the_library_snippet_of_the_readme_runs(log: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(log.parent)
+    names: dict[str, object] = {}
+    exec(compile(SNIPPETS[0], "README.md", "exec"), names)
+    assert (log.parent / "runs" / "mine" / "map.png").is_file()
+    assert len(names["result"].trajectory) == 30  # type: ignore[attr-defined]
+
+
+def test_the_features_snippet_of_the_readme_prints_corners(capsys: pytest.CaptureFixture[str]) -> None:
+    scan = Lidar.of_preset("rplidar-s1").scan(room(), pose(2.0, 2.0, 0.5), 0.0, np.random.default_rng(1))
+    exec(compile(SNIPPETS[1], "README.md", "exec"), {"ranges": scan.ranges, "angles": scan.angles})
+    assert len(capsys.readouterr().out.splitlines()) >= 4
+
+
+def test_the_readme_has_no_snippet_that_is_not_run() -> None:
+    assert len(SNIPPETS) == 2
+
+
+def test_every_example_runs(log: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+    arguments = {"map_a_log.py": [str(log), str(log.parent / "run")], "corners_of_a_scan.py": []}
+    examples = sorted((ROOT / "examples").glob("*.py"))
+    assert {example.name for example in examples} == set(arguments)
+    for example in examples:
+        monkeypatch.setattr(sys, "argv", [example.name, *arguments[example.name]])
+        runpy.run_path(str(example), run_name="__main__")
+        assert capsys.readouterr().out
