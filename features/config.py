@@ -11,7 +11,7 @@ Covariance = Literal["propagated", "paper"]
 class ExtractionConfig(BaseModel):
     """What counts as a segment, a line and a corner."""
 
-    model_config = ConfigDict(frozen=True, extra="forbid")
+    model_config = ConfigDict(frozen=True, extra="forbid", strict=True, allow_inf_nan=False)
 
     covariance: Covariance = Field(
         default="propagated", description="covariance of lines and corners: propagated or paper"

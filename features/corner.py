@@ -21,7 +21,7 @@ from features.se2 import Array
 def intersect_kernel(line_a, line_b, position, cov):
     """Fill the intersection of two line rows, shape (2,), and its covariance, shape (2, 2); False if parallel.
 
-    Case a (eq. 40-42), case b (eq. 43-45, case a with the axes exchanged) and case c (eq. 46-48).
+    Case a (eq. 40-42), case b (eq. 43-45, case a with the axes exchanged) and case c (eq. 46-48); Jacobians eq. M8.
     """
     vertical_a = line_a[VERTICAL] > 0.5
     vertical_b = line_b[VERTICAL] > 0.5

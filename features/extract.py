@@ -21,10 +21,8 @@ from features.line_fit import (
     project_ends,
 )
 from features.scan import LaserScan
-from features.segmentation import find_jumps, order_returns, split_segments, trim_ends
+from features.segmentation import find_jumps, mean_spacing, merge_segments, order_beams, split_segments, trim_ends
 from features.sensor import SensorModel
-
-TWO_PI = 2.0 * math.pi
 
 DEFAULT_CONFIG = ExtractionConfig()
 
@@ -111,18 +109,16 @@ def _extract_kernel(
 ):
     var_range = sigma_range * sigma_range
     var_bearing = sigma_bearing * sigma_bearing
-    returns = order_returns(scan_ranges, scan_angles, range_min, range_max)
-    n = returns.size
+    if scan_angles.size < min_points:
+        return _no_features()
+    beams, angles = order_beams(scan_angles)
+    spacing = mean_spacing(angles)
+    ranges = scan_ranges[beams]
+    returned = (ranges > 0.0) & (ranges >= range_min) & (ranges <= range_max)
+    beams, angles, ranges = beams[returned], angles[returned], ranges[returned]
+    n = beams.size
     if n < min_points:
         return _no_features()
-
-    ranges = scan_ranges[returns]
-    angles = scan_angles[returns]
-    for i in range(1, n):
-        # One turn, rising: a scan that was sorted by wrapped angle starts anywhere.
-        if angles[i] < angles[i - 1]:
-            angles[i] += TWO_PI * math.ceil((angles[i - 1] - angles[i]) / TWO_PI)
-    spacing = (scan_angles.max() - scan_angles.min()) / max(scan_angles.size - 1, 1)
     jumps = find_jumps(ranges, angles, sigma_range, split_sigmas, jump_angle, gap_beams * spacing)
 
     # Start behind a jump; a closed contour has none, and its farthest point is a vertex: it starts and ends there.
@@ -132,7 +128,7 @@ def _extract_kernel(
     order = (np.arange(total) + start) % n
     ranges = ranges[order]
     angles = angles[order]
-    beams = returns[order]
+    beams = beams[order]
     jumps = jumps[order]
     if closed:
         jumps[-1] = True
@@ -148,13 +144,21 @@ def _extract_kernel(
         if not jumps[i]:
             continue
         if i > cluster_start:
-            before = segments
-            segments = split_segments(
-                xs, ys, cluster_start, i, var_range, var_bearing, split_distance, split_sigmas, stack, firsts, segments
+            added = split_segments(
+                xs, ys, cluster_start, i, var_range, var_bearing, split_distance, split_sigmas, stack, firsts[segments:]
             )
-            for k in range(before, segments - 1):
-                lasts[k] = firsts[k + 1]
-            lasts[segments - 1] = i
+            segments += merge_segments(
+                xs,
+                ys,
+                i,
+                var_range,
+                var_bearing,
+                split_distance,
+                split_sigmas,
+                firsts[segments:],
+                lasts[segments:],
+                added,
+            )
         cluster_start = i + 1
 
     rows = np.empty((segments, LINE_FIELDS))

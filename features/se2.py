@@ -10,6 +10,8 @@ from typing import TypeAlias, overload
 import numpy as np
 from numpy.typing import NDArray
 
+TWO_PI = 2.0 * math.pi
+
 Array: TypeAlias = NDArray[np.float64]
 """A float64 array; the docstring that uses it gives shape, unit and frame."""
 
@@ -23,7 +25,12 @@ def wrap_angle(angle: float) -> float: ...
 def wrap_angle(angle: Array) -> Array: ...
 def wrap_angle(angle: float | Array) -> float | Array:
     """Wrap an angle, or each angle of an array, to [-pi, pi) [rad]."""
-    return (angle + math.pi) % (2.0 * math.pi) - math.pi
+    if isinstance(angle, np.ndarray):
+        wrapped = angle - TWO_PI * np.floor((angle + math.pi) / TWO_PI)
+        return np.where(wrapped < math.pi, wrapped, -math.pi)
+    wrapped = (angle + math.pi) % TWO_PI - math.pi
+    # The modulo of a number just below zero rounds up to the whole turn.
+    return wrapped if wrapped < math.pi else -math.pi
 
 
 def pose(x: float = 0.0, y: float = 0.0, theta: float = 0.0) -> Pose:

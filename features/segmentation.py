@@ -5,33 +5,39 @@ import math
 import numpy as np
 from numba import njit
 
-TWO_PI = 2.0 * math.pi
+from features.se2 import TWO_PI
 
 
 @njit(cache=True)
-def order_returns(ranges, angles, range_min, range_max):
-    """Return the indices of the beams with a return, counter-clockwise."""
-    n = ranges.size
-    beams = np.empty(n, np.int64)
-    count = 0
-    for i in range(n):
-        if range_min <= ranges[i] <= range_max:
-            beams[count] = i
-            count += 1
-    beams = beams[:count]
-    if count < 2:
-        return beams
+def order_beams(angles):
+    """Return the beams in counter-clockwise order, shape (n,), and their angles, rising over at most one turn."""
+    n = angles.size
     rising = True
     falling = True
-    for k in range(1, count):
-        step = angles[beams[k]] - angles[beams[k - 1]]
+    for i in range(1, n):
+        step = angles[i] - angles[i - 1]
         rising = rising and step >= 0.0
         falling = falling and step <= 0.0
-    if falling:
-        beams = beams[::-1].copy()
-    if not (rising or falling) or abs(angles[beams[count - 1]] - angles[beams[0]]) >= TWO_PI:
-        return beams[np.argsort(angles[beams] % TWO_PI, kind="mergesort")]
-    return beams
+    if abs(angles[n - 1] - angles[0]) < TWO_PI:
+        if rising:
+            return np.arange(n), angles.copy()
+        if falling:
+            return np.arange(n)[::-1].copy(), angles[::-1].copy()
+    wrapped = angles % TWO_PI
+    order = np.argsort(wrapped, kind="mergesort")
+    return order, wrapped[order]
+
+
+@njit(cache=True)
+def mean_spacing(angles):
+    """Mean angle between neighbouring beams, rising over at most one turn, across the arc that they cover [rad]."""
+    n = angles.size
+    if n < 2:
+        return 0.0
+    largest = angles[0] - angles[n - 1] + TWO_PI
+    for i in range(1, n):
+        largest = max(largest, angles[i] - angles[i - 1])
+    return (TWO_PI - largest) / (n - 1)
 
 
 @njit(cache=True)
@@ -39,7 +45,7 @@ def find_jumps(ranges, angles, sigma_range, sigmas, jump_angle, largest_gap):
     """Mark each point behind which a segment ends, shape (n,), the last against the first across the end of the scan.
 
     The allowed jump follows a wall that is seen at ``jump_angle`` or steeper (Borges and Aldon 2004): it grows with the
-    range and with the angle between the beams; a gap of more than ``largest_gap`` always ends a segment.
+    range and with the angle between the beams; a gap of more than ``largest_gap`` always ends a segment (eq. M9).
     """
     n = ranges.size
     jumps = np.empty(n, np.bool_)
@@ -60,12 +66,13 @@ def find_jumps(ranges, angles, sigma_range, sigmas, jump_angle, largest_gap):
 
 
 @njit(cache=True)
-def split_segments(xs, ys, first, last, var_range, var_bearing, floor, sigmas, stack, breaks, count):
-    """Split the points first..last by IEPF; append the first index of each segment to ``breaks``, return the new count.
+def split_segments(xs, ys, first, last, var_range, var_bearing, floor, sigmas, stack, firsts):
+    """Split the points first..last by IEPF; fill ``firsts`` with the first point of each segment, return their number.
 
     A point splits where its distance from the chord exceeds ``floor`` and ``sigmas`` standard deviations of a point
-    across the chord, never taken smaller than that of a range.
+    across the chord, never taken smaller than that of a range (eq. M10).
     """
+    count = 0
     top = 0
     stack[top, 0] = first
     stack[top, 1] = last
@@ -75,7 +82,7 @@ def split_segments(xs, ys, first, last, var_range, var_bearing, floor, sigmas, s
         top -= 1
         farthest = farthest_point(xs, ys, a, b, var_range, var_bearing, floor, sigmas)
         if farthest < 0:
-            breaks[count] = a
+            firsts[count] = a
             count += 1
             continue
         # The later half waits below the earlier one, so that segments come out in order.
@@ -86,6 +93,23 @@ def split_segments(xs, ys, first, last, var_range, var_bearing, floor, sigmas, s
         stack[top, 0] = a
         stack[top, 1] = farthest
     return count
+
+
+@njit(cache=True)
+def merge_segments(xs, ys, last, var_range, var_bearing, floor, sigmas, firsts, lasts, count):
+    """Join neighbours that are one segment by the rule that splits; fill ``lasts``, return the number that is left.
+
+    A wall parallel to the chord of its cluster is split anywhere along it: all of its points are equally far.
+    """
+    kept = 0
+    lasts[0] = last if count == 1 else firsts[1]
+    for k in range(1, count):
+        end = last if k == count - 1 else firsts[k + 1]
+        if farthest_point(xs, ys, firsts[kept], end, var_range, var_bearing, floor, sigmas) >= 0:
+            kept += 1
+            firsts[kept] = firsts[k]
+        lasts[kept] = end
+    return kept + 1
 
 
 @njit(cache=True)

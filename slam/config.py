@@ -13,6 +13,9 @@ from features.config import ExtractionConfig
 from features.sensor import Mounting, SensorModel, sensor_preset
 from slam.errors import ConfigError
 
+REASONS = {"extra_forbidden": "no such key", "model_type": "expected a table"}
+"""What pydantic says in its own terms, in those of the user, by its type of error."""
+
 
 class _Section(BaseModel):
     model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False, strict=True)
@@ -198,7 +201,7 @@ def load_config(
     except ValidationError as error:
         first = error.errors(include_url=False)[0]
         key = ".".join(str(part) for part in first["loc"])
-        reason = "no such key" if first["type"] == "extra_forbidden" else first["msg"].removeprefix("Value error, ")
+        reason = REASONS.get(first["type"], first["msg"].removeprefix("Value error, "))
         raise ConfigError(f"{where}{key}: {reason}") from None
     except ValueError as error:
         raise ConfigError(f"{where}sensor.preset: {error}") from None

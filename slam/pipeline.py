@@ -110,8 +110,10 @@ class Slam:
         ------
         DivergedError
             The filter's covariance is no longer one.
+        ValueError
+            The stamp is smaller than the one before, or stamp or pose is not finite; nothing has changed.
         """
-        self._predict(frame)
+        self._predict(frame.stamp, self._checked(frame))
         if frame.scan is None:
             return Step(frame.stamp, self.pose)
         with self._timed("extract"):
@@ -128,14 +130,27 @@ class Slam:
         self._online.append((frame.stamp, self.pose))
         return Step(frame.stamp, self.pose, features, association)
 
-    def _predict(self, frame: Frame) -> None:
+    def _checked(self, frame: Frame) -> Pose:
+        """Odometry pose of a frame that may follow those before; a copy, as the caller may write to its own."""
+        pose_odom_robot = np.array(frame.pose_odom_robot, dtype=np.float64)
+        if pose_odom_robot.shape != (3,):
+            raise ValueError(f"odometry pose of shape {pose_odom_robot.shape}: expected [x, y, theta] of shape (3,)")
+        if not (math.isfinite(frame.stamp) and np.isfinite(pose_odom_robot).all()):
+            raise ValueError(f"stamp {frame.stamp} or odometry pose {pose_odom_robot} is not finite")
+        if self._stamps and frame.stamp < self._stamps[-1]:
+            raise ValueError(
+                f"stamp {frame.stamp} is smaller than {self._stamps[-1]} before it: expected frames in order"
+            )
+        return pose_odom_robot
+
+    def _predict(self, stamp: float, pose_odom_robot: Pose) -> None:
         if self._ekf is None:
-            self._ekf = LandmarkEkf(frame.pose_odom_robot, FIRST_POSE_COV)
+            self._ekf = LandmarkEkf(pose_odom_robot, FIRST_POSE_COV)
         else:
-            self._since_update.add(self._poses_odom[-1], frame.pose_odom_robot)
-            self._since_key_frame.add(self._poses_odom[-1], frame.pose_odom_robot)
-        self._stamps.append(frame.stamp)
-        self._poses_odom.append(frame.pose_odom_robot)
+            self._since_update.add(self._poses_odom[-1], pose_odom_robot)
+            self._since_key_frame.add(self._poses_odom[-1], pose_odom_robot)
+        self._stamps.append(stamp)
+        self._poses_odom.append(pose_odom_robot)
 
     def _update_due(self) -> bool:
         front_end = self.config.front_end
@@ -239,6 +254,7 @@ class Slam:
                 landmarks=len(ids),
                 key_frames=len(self._key_frames),
                 stages={name: StageTime.of(seconds) for name, seconds in self._stages.items()},
+                graph_converged=estimate.converged,
                 interrupted=interrupted,
             ),
             config=self.config,

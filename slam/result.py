@@ -92,7 +92,8 @@ class RunMetrics:
     landmarks: int
     key_frames: int
     stages: dict[str, StageTime]
-    interrupted: bool = False
+    graph_converged: bool
+    interrupted: bool
     ate_rmse_m: float | None = None
     landmark_rmse_m: float | None = None
 

@@ -11,7 +11,7 @@ def carry_corrections(poses_odom: Array, anchors: NDArray[np.int64], poses_ancho
 
     Between two anchors a record is carried forward from the earlier and backward from the later one by odometry, and
     the two are blended by the share of the motion between the anchors that lies behind it. Outside the anchors the
-    nearest one carries alone.
+    nearest one carries alone (eq. M20).
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Plain twin of the compiled extraction: the same rules, written again from their definitions, slowly and with matrices.
+"""Plain twin of the compiled extraction: the same rules, written again from their definitions and with matrices.
 
 Shares no code with ``features`` and imports nothing of it.
 """
@@ -102,15 +102,17 @@ def intersect(a, b):
 def extract(ranges, angles, model, config):
     """Lines and corners of a scan; ``model`` and ``config`` are read by attribute only."""
     sigma_range, sigma_bearing = model.sigma_range, model.sigma_bearing
-    valid = np.flatnonzero((ranges >= model.range_min) & (ranges <= model.range_max))
-    if len(valid) < config.min_points:
+    everything = _counter_clockwise(angles)
+    spacing = _spacing(angles)
+    beams = np.array(
+        [k for k in everything if ranges[k] > 0.0 and model.range_min <= ranges[k] <= model.range_max], np.int64
+    )
+    if len(beams) < config.min_points:
         return [], []
-    beams = _counter_clockwise(valid, angles)
     rho, theta = ranges[beams], angles[beams]
     points = np.stack([rho * np.cos(theta), rho * np.sin(theta)], axis=-1)
     n = len(beams)
 
-    spacing = np.ptp(angles) / max(len(angles) - 1, 1)
     jump = [_jumps(rho, theta, i, (i + 1) % n, spacing, sigma_range, config) for i in range(n)]
     closed = not any(jump)
     if closed:
@@ -129,7 +131,7 @@ def extract(ranges, angles, model, config):
     for cluster in clusters:
         if len(cluster) < 2:
             continue
-        for segment in _iepf(cluster, points, rho, model, config):
+        for segment in _merge(_iepf(cluster, points, rho, model, config), points, rho, model, config):
             kept = _trim(segment, points, config.trim_points, config.trim_sigmas * sigma_range)
             if len(kept) < config.min_points:
                 continue
@@ -155,15 +157,25 @@ def extract(ranges, angles, model, config):
     return lines, corners
 
 
-def _counter_clockwise(valid, angles):
-    """Beams with a return; as they are where they rise through less than a turn, reversed where they fall."""
-    steps = np.diff(angles[valid])
-    if abs(angles[valid[-1]] - angles[valid[0]]) < 2.0 * np.pi:
-        if (steps <= 0.0).all():
-            return valid[::-1]
+def _counter_clockwise(angles):
+    """Beams as they are where they rise through less than a turn, reversed where they fall, else sorted."""
+    steps = np.diff(angles)
+    beams = np.arange(len(angles))
+    if len(angles) and abs(angles[-1] - angles[0]) < 2.0 * np.pi:
         if (steps >= 0.0).all():
-            return valid
-    return np.array(sorted(valid, key=lambda beam: angles[beam] % (2.0 * np.pi)))
+            return beams
+        if (steps <= 0.0).all():
+            return beams[::-1]
+    return np.array(sorted(beams, key=lambda beam: angles[beam] % (2.0 * np.pi)), dtype=np.int64)
+
+
+def _spacing(angles):
+    """Mean angle between neighbours over the arc that is left when the largest gap of the circle is taken out."""
+    if len(angles) < 2:
+        return 0.0
+    on_circle = np.sort(angles % (2.0 * np.pi))
+    gaps = np.append(np.diff(on_circle), on_circle[0] + 2.0 * np.pi - on_circle[-1])
+    return (2.0 * np.pi - gaps.max()) / (len(angles) - 1)
 
 
 def _jumps(rho, theta, i, k, spacing, sigma_range, config):
@@ -178,27 +190,46 @@ def _jumps(rho, theta, i, k, spacing, sigma_range, config):
 
 def _iepf(indices, points, rho, model, config):
     """Segments of a cluster: lists of indices, neighbours share the breaking point."""
-    if len(indices) > 2:
-        a, b = points[indices[0]], points[indices[-1]]
-        length = np.linalg.norm(b - a)
-        inner = points[indices[1:-1]]
-        squared_rho = rho[indices[1:-1]] ** 2
-        if length > 0.0:
-            normal = np.array([a[1] - b[1], b[0] - a[0]]) / length
-            distance = np.abs((inner - a) @ normal)
-            # Variance of a point along the normal: n' C n.
-            radial = (inner @ normal) ** 2 / squared_rho
-            variance = model.sigma_range**2 * radial + squared_rho * model.sigma_bearing**2 * (1.0 - radial)
+    worst = _worst(indices, points, rho, model, config)
+    if worst is None:
+        return [indices]
+    left = _iepf(indices[: worst + 1], points, rho, model, config)
+    return left + _iepf(indices[worst:], points, rho, model, config)
+
+
+def _merge(segments, points, rho, model, config):
+    """From the first to the last, a segment takes in its successor where no point would split the two together."""
+    merged = [segments[0]]
+    for segment in segments[1:]:
+        together = merged[-1] + segment[1:]
+        if _worst(together, points, rho, model, config) is None:
+            merged[-1] = together
         else:
-            distance = np.linalg.norm(inner - a, axis=1)
-            variance = squared_rho * model.sigma_bearing**2
-        sigma = np.sqrt(np.maximum(variance, model.sigma_range**2))
-        threshold = np.maximum(config.split_distance_mm * 1e-3, config.split_sigmas * sigma)
-        worst = int(np.argmax(distance / threshold))
-        if distance[worst] > threshold[worst]:
-            left = _iepf(indices[: worst + 2], points, rho, model, config)
-            return left + _iepf(indices[worst + 1 :], points, rho, model, config)
-    return [indices]
+            merged.append(segment)
+    return merged
+
+
+def _worst(indices, points, rho, model, config):
+    """Place in ``indices`` of the point that is farthest beyond its threshold from the chord, None where none is."""
+    if len(indices) < 3:
+        return None
+    a, b = points[indices[0]], points[indices[-1]]
+    length = np.linalg.norm(b - a)
+    inner = points[indices[1:-1]]
+    squared_rho = rho[indices[1:-1]] ** 2
+    if length > 0.0:
+        normal = np.array([a[1] - b[1], b[0] - a[0]]) / length
+        distance = np.abs((inner - a) @ normal)
+        # Variance of a point along the normal: n' C n.
+        radial = (inner @ normal) ** 2 / squared_rho
+        variance = model.sigma_range**2 * radial + squared_rho * model.sigma_bearing**2 * (1.0 - radial)
+    else:
+        distance = np.linalg.norm(inner - a, axis=1)
+        variance = squared_rho * model.sigma_bearing**2
+    sigma = np.sqrt(np.maximum(variance, model.sigma_range**2))
+    threshold = np.maximum(config.split_distance_mm * 1e-3, config.split_sigmas * sigma)
+    worst = int(np.argmax(distance / threshold))
+    return worst + 1 if distance[worst] > threshold[worst] else None
 
 
 def _trim(segment, points, count, distance):

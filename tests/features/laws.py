@@ -1,4 +1,4 @@
-"""How the laws of this folder are sampled: the same examples in every run, and no clock, for compiling takes its time."""
+"""How the laws of this folder are sampled: the same examples in every run and no deadline, for compiling takes time."""
 
 from hypothesis import settings
 

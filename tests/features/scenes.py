@@ -63,7 +63,7 @@ def square(half: float = 2.0, turn: float = 0.0, shift: tuple[float, float] = (0
 
 
 def sorted_corners(corners) -> tuple[Array, Array, Array, Array, Array]:
-    """Positions, covariances, opening angles, orientations and kinds, ordered by position: where a list starts is free."""
+    """Positions, covariances, opening angles, orientations and kinds, ordered by position: a list starts anywhere."""
     order = np.lexsort(np.round(corners.positions, 6).T)
     return (
         corners.positions[order],

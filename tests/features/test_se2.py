@@ -3,7 +3,6 @@
 import math
 
 import numpy as np
-import pytest
 from finite_difference import assert_jacobian
 from hypothesis import example, given
 from hypothesis import strategies as st
@@ -113,7 +112,6 @@ def test_wrapping_an_array_wraps_each_angle():
     np.testing.assert_array_equal(wrap_angle(angles), [wrap_angle(float(angle)) for angle in angles])
 
 
-@pytest.mark.xfail(strict=True, reason="the modulo rounds up to a whole turn just below -pi")
 def test_an_angle_just_below_minus_pi_wraps_into_the_half_open_turn():
     assert wrap_angle(math.nextafter(-math.pi, -4.0)) < math.pi
 

@@ -226,3 +226,8 @@ def test_a_corner_seen_from_elsewhere_is_the_same_landmark():
         orientations=0.3 - 0.4,
     )
     assert associate(seen, ekf, table, GATES).landmarks.tolist() == [0, 1]
+
+
+def test_a_matched_corner_is_never_new_whatever_the_gates():
+    gates = Gates(GATES.match, 0.0, 0.0, GATES.opening, GATES.orientation)
+    assert outcome(corners([[3.0, 1.01]]), corners([[3.0, 1.0]]), gates) == ({0: 0}, [])

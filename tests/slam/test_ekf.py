@@ -365,3 +365,17 @@ def test_observing_at_once_is_observing_one_by_one_when_linear(seed):
         ekfs.append(ekf)
     np.testing.assert_allclose(ekfs[0].x, ekfs[1].x, atol=1e-9)
     np.testing.assert_allclose(ekfs[0].P, ekfs[1].P, atol=1e-12)
+
+
+@pytest.mark.parametrize("side", [1.0, -1.0])
+def test_an_update_that_turns_the_robot_over_the_cut_wraps_its_heading(side):
+    ekf = LandmarkEkf(pose(0.0, 0.0, side * (math.pi - 1e-3)), np.diag([1e-8, 1e-8, 0.01]))
+    known = np.array([[3.0, 0.0], [0.0, 4.0]])
+    ekf.add_landmarks(known, 1e-10 * np.repeat(np.eye(2)[None], 2, axis=0))
+    ekf.Q = np.diag([0.0, 0.0, 0.01])
+    ekf.predict(pose())
+    # Landmarks appear turned clockwise: the robot has turned the other way, by 0.05 rad.
+    ekf.observe(known @ rotation(side * 0.05), 1e-6 * np.repeat(np.eye(2)[None], 2, axis=0), np.array([0, 1]))
+    assert -math.pi <= ekf.x[2] < math.pi
+    assert ekf.x[2] == pytest.approx(-side * (math.pi - 0.05 + 1e-3), abs=2e-3)
+    np.testing.assert_array_equal(ekf.x_post, ekf.x)

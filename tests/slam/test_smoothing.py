@@ -112,3 +112,13 @@ def test_standing_still_the_correction_moves_on_with_the_records():
 def test_one_record_is_its_anchor():
     corrected = np.array([pose(5.0, 6.0, 7.0)])
     assert_same_poses(carry_corrections(np.zeros((1, 3)), np.array([0]), corrected), corrected)
+
+
+def test_turning_on_the_spot_takes_its_share_of_the_correction():
+    """A quarter of the turn takes a quarter of the correction, whatever the number of records."""
+    turns = np.array([0.0, 0.25, 0.5, 0.6, 0.7, 1.0])
+    odom = np.column_stack([np.zeros((6, 2)), turns])
+    corrected = odom[[0, 5]] + [[0.0, 0.0, 0.0], [0.2, 0.0, 0.0]]
+    carried = carry_corrections(odom, np.array([0, 5]), corrected)
+    np.testing.assert_allclose(carried[:, 0], 0.2 * turns, atol=1e-8)
+    np.testing.assert_allclose(carried[:, 2], turns, atol=1e-12)
