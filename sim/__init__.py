@@ -3,23 +3,35 @@
 from sim.errors import WorldError
 from sim.lidar import Lidar
 from sim.odometry import WheelOdometry
+from sim.paper_worlds import ENVIRONMENT_A_POSE, ENVIRONMENT_B_POSE, environment_a, environment_b
+from sim.random_rooms import random_pose, random_room
 from sim.raycast import cast
 from sim.robot import Robot, Trajectory
 from sim.run import POOR_ODOMETRY, SimulatedRun, room_run
+from sim.visibility import VisibleSections, visible_corners, visible_sections
 from sim.world import World
 from sim.worlds import room, room_waypoints
 
 __all__ = [
+    "ENVIRONMENT_A_POSE",
+    "ENVIRONMENT_B_POSE",
     "POOR_ODOMETRY",
     "Lidar",
     "Robot",
     "SimulatedRun",
     "Trajectory",
+    "VisibleSections",
     "WheelOdometry",
     "World",
     "WorldError",
     "cast",
+    "environment_a",
+    "environment_b",
+    "random_pose",
+    "random_room",
     "room",
     "room_run",
     "room_waypoints",
+    "visible_corners",
+    "visible_sections",
 ]

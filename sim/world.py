@@ -30,6 +30,7 @@ class World:
     ----------
     corners : where exactly two walls end, not in one straight line, and no third one passes, shape (k, 2) [m].
     opening_angles : angle between the two walls of each corner, in (0, pi), shape (k,) [rad].
+    corner_walls : indices of the two walls of each corner, ascending, shape (k, 2).
 
     Raises
     ------
@@ -41,6 +42,7 @@ class World:
     walls: Array
     corners: Array = field(init=False)
     opening_angles: Array = field(init=False)
+    corner_walls: npt.NDArray[np.int64] = field(init=False)
 
     def __post_init__(self) -> None:
         walls = np.array(self.walls, dtype=np.float64, order="C")
@@ -51,10 +53,11 @@ class World:
                 raise WorldError(f"world {self.name!r}: wall {index} has a coordinate that is not finite: {wall}")
             if np.hypot(wall[2] - wall[0], wall[3] - wall[1]) <= TOUCH:
                 raise WorldError(f"world {self.name!r}: wall {index} has no length: it starts and ends at {wall[:2]}")
-        corners, opening_angles = _corners(walls)
+        corners, opening_angles, corner_walls = _corners(walls)
         object.__setattr__(self, "walls", walls)
         object.__setattr__(self, "corners", corners)
         object.__setattr__(self, "opening_angles", opening_angles)
+        object.__setattr__(self, "corner_walls", corner_walls)
 
     @classmethod
     def from_polygons(cls, name: str, polygons: Sequence[npt.ArrayLike]) -> Self:
@@ -99,12 +102,16 @@ def _polygon_walls(name: str, index: int, polygon: npt.ArrayLike) -> Array:
     return np.hstack([vertices, ends])
 
 
-def _corners(walls: Array) -> tuple[Array, Array]:
-    """Corners, shape (k, 2) [m], and opening angles, shape (k,) [rad], in the order in which the walls mention them."""
+def _corners(walls: Array) -> tuple[Array, Array, npt.NDArray[np.int64]]:
+    """Corners, shape (k, 2) [m], their opening angles, shape (k,) [rad], and their walls, shape (k, 2).
+
+    They are in the order in which the walls mention them.
+    """
     starts, ends = walls[:, :2], walls[:, 2:]
     along = ends - starts
     corners: list[Array] = []
     opening_angles: list[float] = []
+    corner_walls: list[npt.NDArray[np.int64]] = []
     points = walls.reshape(-1, 2)
     for index, point in enumerate(points):
         if (np.hypot(*(points[:index] - point).T) <= TOUCH).any():
@@ -119,4 +126,9 @@ def _corners(walls: Array) -> tuple[Array, Array]:
         if STRAIGHT < opening_angle < np.pi - STRAIGHT:
             corners.append(point)
             opening_angles.append(opening_angle)
-    return np.array(corners).reshape(-1, 2), np.array(opening_angles)
+            corner_walls.append(meets)
+    return (
+        np.array(corners).reshape(-1, 2),
+        np.array(opening_angles),
+        np.array(corner_walls, dtype=np.int64).reshape(-1, 2),
+    )

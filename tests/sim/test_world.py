@@ -88,3 +88,17 @@ def test_bad_polygon_is_named(polygons, message):
 def test_bad_wall_is_named(walls, message):
     with pytest.raises(WorldError, match=message):
         World("bad", walls)
+
+
+def test_walls_of_a_corner_end_at_it():
+    """Ascending, and as far apart as the opening angle says."""
+    triangle = [(1.0, 1.0), (3.0, 1.0), (1.0, 3.0)]
+    world = World.from_polygons("two", [SQUARE, triangle])
+    np.testing.assert_array_equal(world.corner_walls, [[0, 3], [0, 1], [1, 2], [2, 3], [4, 6], [4, 5], [5, 6]])
+    for corner, opening_angle, pair in zip(world.corners, world.opening_angles, world.corner_walls, strict=True):
+        ends = world.walls[pair].reshape(2, 2, 2)
+        at = np.hypot(*(ends - corner).transpose(2, 0, 1))
+        assert (at.min(axis=1) == 0.0).all()
+        first, second = (ends[k, at[k].argmax()] - corner for k in range(2))
+        cosine = first @ second / np.hypot(*first) / np.hypot(*second)
+        assert math.acos(cosine) == pytest.approx(opening_angle, abs=1e-12)
