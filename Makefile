@@ -23,6 +23,7 @@ bench: $(READY)
 
 docs: demo
 	cp runs/demo/map.png docs/demo-map.png
+	$(BIN)/cwlf-slam study paper --docs docs --out runs/paper
 
 $(READY): pyproject.toml constraints.txt
 	$(PYTHON) -c 'import sys; sys.exit(0 if sys.version_info >= (3, 11) else "Python 3.11 or newer is needed: make PYTHON=python3.11")'

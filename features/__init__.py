@@ -4,8 +4,8 @@ from features.config import ExtractionConfig
 from features.corner import intersect
 from features.errors import CwlfError, DegenerateSegmentError, ScanFormatError
 from features.extract import extract
-from features.feature import Corner, Corners, Features, Line, Lines
-from features.line_fit import fit_cwlf
+from features.feature import Corner, Corners, Features, Line, LineForm, Lines
+from features.line_fit import fit_cwlf, fit_line
 from features.scan import LaserScan
 from features.sensor import SENSOR_PRESETS, Mounting, SensorModel, sensor_preset
 
@@ -19,12 +19,14 @@ __all__ = [
     "Features",
     "LaserScan",
     "Line",
+    "LineForm",
     "Lines",
     "Mounting",
     "ScanFormatError",
     "SensorModel",
     "extract",
     "fit_cwlf",
+    "fit_line",
     "intersect",
     "sensor_preset",
 ]

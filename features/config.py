@@ -1,11 +1,20 @@
 """Rules of the extraction, with their defaults."""
 
-from typing import Literal
+import math
+from functools import cached_property
+from typing import Literal, NamedTuple
 
+import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, model_validator
+
+from features.se2 import Array
 
 Covariance = Literal["propagated", "paper"]
 """Form of the line covariance: ``paper`` is eq. 31-32, ``propagated`` carries each point's whole variance."""
+
+
+LineFit = Literal["effective-variance", "cwlf", "arras-siegwart", "total-least-squares"]
+"""Line fits; the first is the default, docs/math.md says why."""
 
 
 class ExtractionConfig(BaseModel):
@@ -13,18 +22,22 @@ class ExtractionConfig(BaseModel):
 
     model_config = ConfigDict(frozen=True, extra="forbid", strict=True, allow_inf_nan=False)
 
+    fit: LineFit = Field(
+        default="effective-variance",
+        description="line fit: effective-variance, cwlf (the paper's), arras-siegwart or total-least-squares",
+    )
     covariance: Covariance = Field(
         default="propagated", description="covariance of lines and corners: propagated or paper"
     )
     jump_angle_deg: float = Field(
-        default=10.0, gt=0.0, lt=90.0, description="flattest wall that is still followed from beam to beam [deg]"
+        default=5.0, gt=0.0, lt=90.0, description="flattest wall that is still followed from beam to beam [deg]"
     )
     gap_beams: float = Field(default=3.5, gt=1.0, description="a gap of more beam spacings than this ends a segment")
     split_distance_mm: float = Field(default=50.0, gt=0.0, description="floor of the IEPF threshold [mm]")
     split_sigmas: float = Field(default=5.0, gt=0.0, description="IEPF threshold in standard deviations of a range")
     trim_points: int = Field(default=1, ge=0, description="points at each end of a segment that belong to neither wall")
     trim_sigmas: float = Field(
-        default=4.0,
+        default=2.0,
         ge=0.0,
         description="points nearer to the end of a segment than this, in standard deviations of a range, too",
     )
@@ -37,10 +50,46 @@ class ExtractionConfig(BaseModel):
     )
 
     @model_validator(mode="after")
-    def _ordered(self) -> "ExtractionConfig":
+    def _consistent(self) -> "ExtractionConfig":
         if self.corner_angle_min_deg >= self.corner_angle_max_deg:
             raise ValueError(
                 f"corner_angle_min_deg {self.corner_angle_min_deg:g} must be below "
                 f"corner_angle_max_deg {self.corner_angle_max_deg:g}"
             )
+        if self.covariance == "paper" and self.fit != "cwlf":
+            raise ValueError(f'covariance "paper" (eq. 31-32) belongs to fit "cwlf", not to {self.fit!r}')
         return self
+
+    @cached_property
+    def rules(self) -> Array:
+        """The numbers of :class:`Rules`, as the compiled kernel takes them."""
+        rules = Rules(
+            jump_angle=math.radians(self.jump_angle_deg),
+            gap_beams=self.gap_beams,
+            split_distance=self.split_distance_mm * 1e-3,
+            split_sigmas=self.split_sigmas,
+            trim_points=self.trim_points,
+            trim_sigmas=self.trim_sigmas,
+            min_points=self.min_points,
+            min_length=self.min_length_m,
+            corner_angle_min=math.radians(self.corner_angle_min_deg),
+            corner_angle_max=math.radians(self.corner_angle_max_deg),
+            corner_gap=self.corner_gap_mm * 1e-3,
+        )
+        return np.array(rules, dtype=np.float64)
+
+
+class Rules(NamedTuple):
+    """:class:`ExtractionConfig` in SI units [m, rad]; counts are whole numbers."""
+
+    jump_angle: float
+    gap_beams: float
+    split_distance: float
+    split_sigmas: float
+    trim_points: int
+    trim_sigmas: float
+    min_points: int
+    min_length: float
+    corner_angle_min: float
+    corner_angle_max: float
+    corner_gap: float

@@ -1,32 +1,57 @@
 """Intersection of two fitted lines and its covariance (section IV.B.2 of the paper)."""
 
+import math
+
 import numpy as np
 from numba import njit
 
-from features.feature import Line
+from features.feature import Line, LineForm
 from features.line_fit import (
     CENTER,
     COV_SLOPE_INTERCEPT,
+    FORM,
     INTERCEPT,
     LINE_FIELDS,
+    POLAR,
     SLOPE,
     VAR_INTERCEPT,
     VAR_SLOPE,
-    VERTICAL,
+    X_ON_Y,
 )
 from features.se2 import Array
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def intersect_kernel(line_a, line_b, position, cov):
     """Fill the intersection of two line rows, shape (2,), and its covariance, shape (2, 2); False if parallel.
 
-    Case a (eq. 40-42), case b (eq. 43-45, case a with the axes exchanged) and case c (eq. 46-48); Jacobians eq. M8.
+    Polar lines by eq. 36-39; case a (eq. 40-42), case b (eq. 43-45, case a with the axes exchanged), case c
+    (eq. 46-48); Jacobians eq. M8.
     """
-    vertical_a = line_a[VERTICAL] > 0.5
-    vertical_b = line_b[VERTICAL] > 0.5
     jacobian = np.empty((2, 4))
-    if vertical_a == vertical_b:
+    vertical_a = line_a[FORM] == X_ON_Y
+    if line_a[FORM] == POLAR:
+        alpha_a, r_a, alpha_b, r_b = line_a[SLOPE], line_a[INTERCEPT], line_b[SLOPE], line_b[INTERCEPT]
+        determinant = math.sin(alpha_b - alpha_a)
+        if determinant == 0.0:
+            return False
+        cos_a, sin_a, cos_b, sin_b = math.cos(alpha_a), math.sin(alpha_a), math.cos(alpha_b), math.sin(alpha_b)
+        x = (r_a * sin_b - r_b * sin_a) / determinant
+        y = (r_b * cos_a - r_a * cos_b) / determinant
+        # A line turns about the foot of its normal: the corner moves along the other line.
+        along_a = y * cos_a - x * sin_a
+        along_b = y * cos_b - x * sin_b
+        jacobian[0, 0] = -along_a * sin_b / determinant
+        jacobian[1, 0] = along_a * cos_b / determinant
+        jacobian[0, 1] = sin_b / determinant
+        jacobian[1, 1] = -cos_b / determinant
+        jacobian[0, 2] = along_b * sin_a / determinant
+        jacobian[1, 2] = -along_b * cos_a / determinant
+        jacobian[0, 3] = -sin_a / determinant
+        jacobian[1, 3] = cos_a / determinant
+        position[0] = x
+        position[1] = y
+    elif line_a[FORM] == line_b[FORM]:
         difference = line_b[SLOPE] - line_a[SLOPE]
         if difference == 0.0:
             return False
@@ -86,13 +111,15 @@ def intersect_kernel(line_a, line_b, position, cov):
 
 
 def intersect(line_a: Line, line_b: Line) -> tuple[Array, Array]:
-    """Intersect two lines: position, shape (2,) [m], and covariance, shape (2, 2) [m^2] (eq. 40-48).
+    """Intersect two lines: position, shape (2,) [m], and covariance, shape (2, 2) [m^2] (eq. 36-48).
 
     Raises
     ------
     ValueError
-        The lines are parallel.
+        The lines are parallel, or one of them is polar and the other is not.
     """
+    if (line_a.form == LineForm.POLAR) != (line_b.form == LineForm.POLAR):
+        raise ValueError("a polar line and a regression line: fit both by the same method")
     position, cov = np.empty(2), np.empty((2, 2))
     if not intersect_kernel(_row(line_a), _row(line_b), position, cov):
         raise ValueError("parallel lines have no intersection")
@@ -101,9 +128,8 @@ def intersect(line_a: Line, line_b: Line) -> tuple[Array, Array]:
 
 def _row(line: Line) -> Array:
     row = np.zeros(LINE_FIELDS)
-    row[VERTICAL] = line.vertical
-    row[SLOPE] = line.slope
-    row[INTERCEPT] = line.intercept
+    row[FORM] = line.form
+    row[SLOPE], row[INTERCEPT] = line.params
     row[CENTER] = line.center
     row[VAR_SLOPE] = line.cov[0, 0]
     row[VAR_INTERCEPT] = line.cov[1, 1]

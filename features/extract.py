@@ -5,23 +5,34 @@ import math
 import numpy as np
 from numba import njit
 
-from features.config import ExtractionConfig
+from features.config import ExtractionConfig, Rules
 from features.corner import intersect_kernel
 from features.feature import Corners, Features, Lines
 from features.line_fit import (
-    CENTER,
     COV_SLOPE_INTERCEPT,
-    INTERCEPT,
+    FORM,
     LINE_FIELDS,
     SLOPE,
     VAR_INTERCEPT,
     VAR_SLOPE,
-    VERTICAL,
-    fit_cwlf_kernel,
+    fit_kernel,
+    fit_rough,
+    method_number,
     project_ends,
 )
 from features.scan import LaserScan
-from features.segmentation import find_jumps, mean_spacing, merge_segments, order_beams, split_segments, trim_ends
+from features.segmentation import (
+    drop_stubs,
+    find_jumps,
+    mean_spacing,
+    merge_segments,
+    move_break,
+    order_beams,
+    rotate,
+    split_segments,
+    step_back,
+    trim_ends,
+)
 from features.sensor import SensorModel
 
 DEFAULT_CONFIG = ExtractionConfig()
@@ -30,122 +41,113 @@ DEFAULT_CONFIG = ExtractionConfig()
 def extract(scan: LaserScan, model: SensorModel, config: ExtractionConfig = DEFAULT_CONFIG) -> Features:
     """Extract the lines and corners of a scan.
 
-    Clusters by jump distance, splits by IEPF, fits each segment by CWLF and intersects neighbours.
+    Clusters by jump distance, splits by IEPF, moves each break to where its two walls meet, fits each segment and
+    intersects neighbours.
 
     Parameters
     ----------
     scan : sensor frame; beams without a return are skipped.
     model : noise and limits of the sensor; its mounting is not applied.
-    config : rules for segments, lines and corners, and the form of the covariances.
+    config : rules for segments, lines and corners, the line fit and the form of the covariances.
 
     Returns
     -------
     Features
         Lines and corners in the sensor frame, counter-clockwise; both empty where the scan shows none.
     """
-    rows, ends, beams, counts, positions, covs, shapes = _extract_kernel(
+    forms, params, line_covs, ends, beams, counts, positions, covs, shapes, convex = _extract_kernel(
         scan.ranges,
         scan.angles,
         model.sigma_range,
         model.sigma_bearing,
         model.range_min,
         model.range_max,
-        config.covariance == "propagated",
-        math.radians(config.jump_angle_deg),
-        config.gap_beams,
-        config.split_distance_mm * 1e-3,
-        config.split_sigmas,
-        config.trim_points,
-        config.trim_sigmas,
-        config.min_points,
-        config.min_length_m,
-        math.radians(config.corner_angle_min_deg),
-        math.radians(config.corner_angle_max_deg),
-        config.corner_gap_mm * 1e-3,
+        method_number(config.fit, config.covariance),
+        config.rules,
     )
-    line_covs = np.empty((len(rows), 2, 2))
-    line_covs[:, 0, 0] = rows[:, VAR_SLOPE]
-    line_covs[:, 1, 1] = rows[:, VAR_INTERCEPT]
-    line_covs[:, 0, 1] = line_covs[:, 1, 0] = rows[:, COV_SLOPE_INTERCEPT]
     return Features(
-        lines=Lines(
-            vertical=rows[:, VERTICAL] > 0.5,
-            params=rows[:, [SLOPE, INTERCEPT, CENTER]],
-            covs=line_covs,
-            ends=ends,
-            beams=beams,
-            counts=counts,
-        ),
-        corners=Corners(
-            positions=positions,
-            covs=covs,
-            opening_angles=shapes[:, 0],
-            orientations=shapes[:, 1],
-            convex=shapes[:, 2] > 0.5,
-        ),
+        Lines(forms, params[:, :2], params[:, 2], line_covs, ends, beams, counts),
+        Corners(positions, covs, shapes[:, 0], shapes[:, 1], convex),
     )
 
 
-@njit(cache=True)
-def _extract_kernel(
-    scan_ranges,
-    scan_angles,
-    sigma_range,
-    sigma_bearing,
-    range_min,
-    range_max,
-    propagated,
-    jump_angle,
-    gap_beams,
-    split_distance,
-    split_sigmas,
-    trim,
-    trim_sigmas,
-    min_points,
-    min_length,
-    corner_angle_min,
-    corner_angle_max,
-    corner_gap,
-):
+@njit(cache=True, error_model="numpy")
+def _extract_kernel(scan_ranges, scan_angles, sigma_range, sigma_bearing, range_min, range_max, method, numbers):
+    rules = Rules(
+        numbers[0], numbers[1], numbers[2], numbers[3], int(numbers[4]), numbers[5], int(numbers[6]), numbers[7],
+        numbers[8], numbers[9], numbers[10],
+    )  # fmt: skip
     var_range = sigma_range * sigma_range
     var_bearing = sigma_bearing * sigma_bearing
-    if scan_angles.size < min_points:
-        return _no_features()
-    beams, angles = order_beams(scan_angles)
-    spacing = mean_spacing(angles)
-    ranges = scan_ranges[beams]
-    returned = (ranges > 0.0) & (ranges >= range_min) & (ranges <= range_max)
-    beams, angles, ranges = beams[returned], angles[returned], ranges[returned]
-    n = beams.size
-    if n < min_points:
-        return _no_features()
-    jumps = find_jumps(ranges, angles, sigma_range, split_sigmas, jump_angle, gap_beams * spacing)
+    if scan_angles.size < rules.min_points:
+        return _results(0, 0)
+    order, turned = order_beams(scan_angles)
+    largest_gap = rules.gap_beams * mean_spacing(turned)
 
-    # Start behind a jump; a closed contour has none, and its farthest point is a vertex: it starts and ends there.
-    closed = not jumps.any()
-    start = ranges.argmax() if closed else (jumps.argmax() + 1) % n
-    total = n + 1 if closed else n
-    order = (np.arange(total) + start) % n
-    ranges = ranges[order]
-    angles = angles[order]
-    beams = beams[order]
-    jumps = jumps[order]
+    size = scan_angles.size
+    beams = np.empty(size + 1, np.int64)
+    ranges = np.empty(size + 1)
+    angles = np.empty(size + 1)
+    n = 0
+    for i in range(size):
+        beam = order[i]
+        if scan_ranges[beam] > 0.0 and range_min <= scan_ranges[beam] <= range_max:
+            beams[n] = beam
+            ranges[n] = scan_ranges[beam]
+            angles[n] = turned[i]
+            n += 1
+    if n < rules.min_points:
+        return _results(0, 0)
+    xs = np.empty(size + 1)
+    ys = np.empty(size + 1)
+    for i in range(n):
+        xs[i] = ranges[i] * math.cos(angles[i])
+        ys[i] = ranges[i] * math.sin(angles[i])
+
+    jumps = np.empty(size + 1, np.bool_)
+    slack = rules.split_sigmas * sigma_range
+    closed = find_jumps(xs, ys, ranges, angles, n, slack, rules.jump_angle, largest_gap, jumps)
+    # A closed contour has no jump; its farthest point is a vertex: it starts and ends there.
+    total = n
     if closed:
-        jumps[-1] = True
-    xs = ranges * np.cos(angles)
-    ys = ranges * np.sin(angles)
+        start = ranges[:n].argmax()
+        total = n + 1
+    else:
+        start = (n if jumps[n - 1] else jumps[:n].argmax() + 1) % n
+    if start > 0:
+        rotate(beams[:n], start)
+        rotate(angles[:n], start)
+        rotate(jumps[:n], start)
+        rotate(xs[:n], start)
+        rotate(ys[:n], start)
+    if closed:
+        beams[n] = beams[0]
+        angles[n] = angles[0]
+        xs[n] = xs[0]
+        ys[n] = ys[0]
+        jumps[n] = True
 
     stack = np.empty((total + 1, 2), np.int64)
     firsts = np.empty(total + 1, np.int64)
     lasts = np.empty(total + 1, np.int64)
     segments = 0
-    cluster_start = 0
+    begin = 0
     for i in range(total):
         if not jumps[i]:
             continue
-        if i > cluster_start:
+        # A segment of fewer points is no line, and its neighbours have no corner with it.
+        if i - begin + 1 >= rules.min_points:
             added = split_segments(
-                xs, ys, cluster_start, i, var_range, var_bearing, split_distance, split_sigmas, stack, firsts[segments:]
+                xs,
+                ys,
+                begin,
+                i,
+                var_range,
+                var_bearing,
+                rules.split_distance,
+                rules.split_sigmas,
+                stack,
+                firsts[segments:],
             )
             segments += merge_segments(
                 xs,
@@ -153,102 +155,152 @@ def _extract_kernel(
                 i,
                 var_range,
                 var_bearing,
-                split_distance,
-                split_sigmas,
+                rules.split_distance,
+                rules.split_sigmas,
                 firsts[segments:],
                 lasts[segments:],
                 added,
             )
-        cluster_start = i + 1
+        begin = i + 1
+
+    segments, joined = drop_stubs(
+        xs, ys, firsts, lasts, segments, rules.min_points + 2 * rules.trim_points, rules.min_length
+    )
+    if closed and segments > 0:
+        joined[segments - 1] = True
+    spans = np.empty((segments, 2), np.int64)
+    rough = np.empty((segments, LINE_FIELDS))
+    usable = np.empty(segments, np.bool_)
+    for k in range(segments):
+        first, last = trim_ends(xs, ys, firsts[k], lasts[k], rules.trim_points, rules.trim_sigmas * sigma_range)
+        spans[k, 0] = first
+        spans[k, 1] = last
+        usable[k] = last > first
+        if usable[k]:
+            fit_rough(xs, ys, first, last, rough[k])
+    position = np.empty(2)
+    cov = np.empty((2, 2))
+    accepted = max(rules.split_distance, rules.split_sigmas * sigma_range)
+    for a in range(segments):
+        b = a + 1 if a + 1 < segments else 0
+        if a == b or not joined[a] or not (usable[a] and usable[b]):
+            continue
+        if not intersect_kernel(rough[a], rough[b], position, cov):
+            continue
+        last, first = move_break(
+            xs,
+            ys,
+            angles,
+            position,
+            rough[a],
+            rough[b],
+            (spans[a, 0], lasts[a]),
+            (firsts[b], spans[b, 1]),
+            accepted,
+            b == 0,
+        )
+        if _walls_meet(xs, ys, last, first, position, rules.corner_gap):
+            lasts[a] = last
+            firsts[b] = first
+            spans[a, 1] = step_back(
+                xs, ys, last - rules.trim_points, spans[a, 0], position, rules.trim_sigmas * sigma_range
+            )
+            spans[b, 0] = step_back(
+                xs, ys, first + rules.trim_points, spans[b, 1], position, rules.trim_sigmas * sigma_range
+            )
+        else:
+            joined[a] = False
 
     rows = np.empty((segments, LINE_FIELDS))
     ends = np.empty((segments, 2, 2))
-    spans = np.empty((segments, 2), np.int64)
-    breaks = np.empty((segments, 2), np.int64)
+    numbers_of = np.empty(segments, np.int64)
     lines = 0
     for k in range(segments):
-        first, last = trim_ends(xs, ys, firsts[k], lasts[k], trim, trim_sigmas * sigma_range)
-        if last - first + 1 < min_points:
+        first = spans[k, 0]
+        last = spans[k, 1]
+        if last - first + 1 < rules.min_points:
             continue
-        if math.hypot(xs[last] - xs[first], ys[last] - ys[first]) < min_length:
+        if math.hypot(xs[last] - xs[first], ys[last] - ys[first]) < rules.min_length:
             continue
-        if not fit_cwlf_kernel(xs, ys, first, last, var_range, var_bearing, propagated, rows[lines]):
+        if not fit_kernel(xs, ys, first, last, var_range, var_bearing, method, rows[lines]):
             continue
         project_ends(xs, ys, first, last, rows[lines], ends[lines])
         spans[lines, 0] = first
         spans[lines, 1] = last
-        breaks[lines, 0] = firsts[k]
-        breaks[lines, 1] = lasts[k]
+        firsts[lines] = firsts[k]
+        lasts[lines] = lasts[k]
+        numbers_of[lines] = k
         lines += 1
 
-    positions = np.empty((lines, 2))
-    covs = np.empty((lines, 2, 2))
-    shapes = np.empty((lines, 3))
-    corners = 0
-    for a in range(lines):
-        b = (a + 1) % lines
-        joint = breaks[a, 1]
-        wraps = closed and joint == total - 1 and breaks[b, 0] == 0
-        if a == b or not (joint == breaks[b, 0] or wraps):
-            continue
-        if not intersect_kernel(rows[a], rows[b], positions[corners], covs[corners]):
-            continue
-        after = 0 if wraps else joint
-        spacing_a = math.hypot(xs[joint] - xs[joint - 1], ys[joint] - ys[joint - 1])
-        spacing_b = math.hypot(xs[after] - xs[after + 1], ys[after] - ys[after + 1])
-        gap = math.hypot(positions[corners, 0] - xs[joint], positions[corners, 1] - ys[joint])
-        if gap > corner_gap + max(spacing_a, spacing_b):
-            continue
-        if not _corner_shape(ends[a], ends[b], shapes[corners]):
-            continue
-        if not corner_angle_min <= shapes[corners, 0] <= corner_angle_max:
-            continue
-        corners += 1
-
-    line_beams = np.empty((lines, 2), np.int64)
-    counts = np.empty(lines, np.int64)
+    results = _results(lines, lines)
+    forms, params, line_covs, line_ends, line_beams, counts, positions, covs, shapes, convex = results
     for k in range(lines):
+        forms[k] = np.int64(rows[k, FORM])
+        params[k] = rows[k, SLOPE : SLOPE + 3]
+        line_covs[k, 0, 0] = rows[k, VAR_SLOPE]
+        line_covs[k, 1, 1] = rows[k, VAR_INTERCEPT]
+        line_covs[k, 0, 1] = line_covs[k, 1, 0] = rows[k, COV_SLOPE_INTERCEPT]
+        line_ends[k] = ends[k]
         line_beams[k, 0] = beams[spans[k, 0]]
         line_beams[k, 1] = beams[spans[k, 1]]
         counts[k] = spans[k, 1] - spans[k, 0] + 1
+    corners = 0
+    for a in range(lines):
+        b = a + 1 if a + 1 < lines else 0
+        k = numbers_of[a]
+        if a == b or not joined[k] or numbers_of[b] != (k + 1) % segments:
+            continue
+        if not intersect_kernel(rows[a], rows[b], positions[corners], covs[corners]):
+            continue
+        if not _walls_meet(xs, ys, lasts[a], firsts[b], positions[corners], rules.corner_gap):
+            continue
+        convex[corners] = _corner_shape(ends[a], ends[b], shapes[corners])
+        if rules.corner_angle_min <= shapes[corners, 0] <= rules.corner_angle_max:
+            corners += 1
     return (
-        rows[:lines].copy(),
-        ends[:lines].copy(),
-        line_beams,
-        counts,
-        positions[:corners].copy(),
-        covs[:corners].copy(),
-        shapes[:corners].copy(),
+        forms, params, line_covs, line_ends, line_beams, counts,
+        positions[:corners], covs[:corners], shapes[:corners], convex[:corners],
+    )  # fmt: skip
+
+
+@njit(cache=True, error_model="numpy")
+def _results(lines, corners):
+    return (
+        np.empty(lines, np.int64),
+        np.empty((lines, 3)),
+        np.empty((lines, 2, 2)),
+        np.empty((lines, 2, 2)),
+        np.empty((lines, 2), np.int64),
+        np.empty(lines, np.int64),
+        np.empty((corners, 2)),
+        np.empty((corners, 2, 2)),
+        np.empty((corners, 2)),
+        np.empty(corners, np.bool_),
     )
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
+def _walls_meet(xs, ys, joint, after, position, corner_gap):
+    """Whether both segments end at their intersection, as near as the spacing of their points tells."""
+    spacing_a = math.hypot(xs[joint] - xs[joint - 1], ys[joint] - ys[joint - 1])
+    spacing_b = math.hypot(xs[after] - xs[after + 1], ys[after] - ys[after + 1])
+    allowed = corner_gap + max(spacing_a, spacing_b)
+    gap_a = math.hypot(position[0] - xs[joint], position[1] - ys[joint])
+    gap_b = math.hypot(position[0] - xs[after], position[1] - ys[after])
+    return max(gap_a, gap_b) <= allowed
+
+
+@njit(cache=True, error_model="numpy")
 def _corner_shape(ends_a, ends_b, shape):
-    """Fill opening angle, orientation and convexity (0 or 1) of the corner from line a to line b, counter-clockwise."""
+    """Fill opening angle and orientation of the corner from line a to line b, counter-clockwise; True if convex."""
     ax = ends_a[0, 0] - ends_a[1, 0]
     ay = ends_a[0, 1] - ends_a[1, 1]
     bx = ends_b[1, 0] - ends_b[0, 0]
     by = ends_b[1, 1] - ends_b[0, 1]
     length_a = math.hypot(ax, ay)
     length_b = math.hypot(bx, by)
-    if length_a == 0.0 or length_b == 0.0:
-        return False
     cross = (ax * by - ay * bx) / (length_a * length_b)
     dot = (ax * bx + ay * by) / (length_a * length_b)
     shape[0] = abs(math.atan2(cross, dot))
     shape[1] = math.atan2(ay / length_a + by / length_b, ax / length_a + bx / length_b)
-    shape[2] = 1.0 if cross > 0.0 else 0.0
-    return True
-
-
-@njit(cache=True)
-def _no_features():
-    return (
-        np.empty((0, LINE_FIELDS)),
-        np.empty((0, 2, 2)),
-        np.empty((0, 2), np.int64),
-        np.empty(0, np.int64),
-        np.empty((0, 2)),
-        np.empty((0, 2, 2)),
-        np.empty((0, 3)),
-    )
+    return cross > 0.0

@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from enum import IntEnum
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,24 +11,33 @@ from features.se2 import Array
 from features.sensor import Mounting
 
 
+class LineForm(IntEnum):
+    """How a line is parametrised; what a fit gives depends on its method and, for a regression, on the axis."""
+
+    Y_ON_X = 0
+    """``y = m (x - center) + b``, eq. 28; parameters m, b [m]."""
+    X_ON_Y = 1
+    """``x = s (y - center) + h``, eq. 35; parameters s, h [m]."""
+    POLAR = 2
+    """``x cos(alpha) + y sin(alpha) = r``, eq. 16-17; parameters alpha [rad], r [m]."""
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class Line:
-    """A straight wall section (eq. 28 or 35), sensor frame.
+    """A straight wall section, sensor frame.
 
     Parameters
     ----------
-    vertical : False for ``y = slope (x - center) + intercept``, True for ``x = slope (y - center) + intercept``.
-    slope : m or s.
-    intercept : b or h, the value at the weighted centroid [m].
-    center : weighted mean of the abscissa [m].
-    cov : covariance of (slope, intercept), shape (2, 2).
+    form : what the parameters are.
+    params : (m, b), (s, h) or (alpha, r), shape (2,).
+    center : abscissa of the centroid that b or h belong to [m]; 0 for a polar line.
+    cov : covariance of the parameters, shape (2, 2).
     start, end : the first and the last point of the segment projected onto the line, shape (2,) [m].
     count : number of points that were fitted.
     """
 
-    vertical: bool
-    slope: float
-    intercept: float
+    form: LineForm
+    params: Array
     center: float
     cov: Array
     start: Array
@@ -61,17 +71,19 @@ class Lines:
 
     Parameters
     ----------
-    vertical : shape (L,), bool.
-    params : slope, intercept, center, shape (L, 3).
-    covs : of (slope, intercept), shape (L, 2, 2).
+    forms : a :class:`LineForm` each, shape (L,).
+    params : of each form, shape (L, 2), as in :class:`Line`.
+    centers : shape (L,) [m].
+    covs : of the parameters, shape (L, 2, 2).
     ends : start and end, shape (L, 2, 2) [m].
     beams : indices of the first and the last beam that were fitted, shape (L, 2); the first is larger than the last
         where a line crosses the end of the scan or the scan runs clockwise.
     counts : points of each line, shape (L,).
     """
 
-    vertical: NDArray[np.bool_]
+    forms: NDArray[np.int64]
     params: Array
+    centers: Array
     covs: Array
     ends: Array
     beams: NDArray[np.int64]
@@ -81,12 +93,10 @@ class Lines:
         return self.counts.size
 
     def __getitem__(self, index: int) -> Line:
-        slope, intercept, center = self.params[index]
         return Line(
-            vertical=bool(self.vertical[index]),
-            slope=float(slope),
-            intercept=float(intercept),
-            center=float(center),
+            form=LineForm(self.forms[index]),
+            params=self.params[index],
+            center=float(self.centers[index]),
             cov=self.covs[index],
             start=self.ends[index, 0],
             end=self.ends[index, 1],

@@ -85,15 +85,12 @@ def _innovations(corners_robot: Corners, ekf: LandmarkEkf) -> tuple[Array, Array
     by_pose, by_landmark = corner_jacobian_blocks(ekf.x, landmarks)
     cov_pose = ekf.P[:POSE_DIM, :POSE_DIM]
     cov_cross = ekf.P[:POSE_DIM, POSE_DIM:].reshape(POSE_DIM, -1, 2).transpose(1, 0, 2)
-    starts = POSE_DIM + 2 * landmarks
-    blocks = starts[:, None] + np.arange(2)
-    cov_own = ekf.P[blocks[:, :, None], blocks[:, None, :]]
     mixed = by_pose @ cov_cross @ by_landmark.T
     cov_predicted = (
         by_pose @ cov_pose @ by_pose.transpose(0, 2, 1)
         + mixed
         + mixed.transpose(0, 2, 1)
-        + by_landmark @ cov_own @ by_landmark.T
+        + by_landmark @ ekf.landmark_covs @ by_landmark.T
     )
     return corners_robot.positions[:, None, :] - predicted[None], corners_robot.covs[:, None] + cov_predicted[None]
 

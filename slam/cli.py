@@ -10,6 +10,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from slam.study_cli import extract_scan, study
+
 if TYPE_CHECKING:
     from drivers.frame import FrameSource
     from features.errors import CwlfError
@@ -38,26 +40,26 @@ Json = Annotated[bool, typer.Option("--json", help="Print JSON.")]
 
 
 def main() -> None:
-    """Run the command line: errors in the data become one line on stderr and exit code 1."""
+    """Run the command line: errors in the data, and output that is full, become one line on stderr and exit code 1."""
     # The matrices are small: threads of the linear algebra would wait for each other. Read when numpy is imported.
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     logging.basicConfig(level=logging.WARNING, format="%(levelname)s: %(message)s", stream=sys.stderr)
     logging.captureWarnings(capture=True)
     try:
         app()
-    except KeyboardInterrupt:
-        _fail("interrupted", code=130)
+    except OSError as error:
+        # Of files that a command opens itself come errors of ours; this is the standard output.
+        typer.echo(f"cwlf-slam: {error}", err=True)
+        # What is left in the buffer cannot be written either: Python would try again at its end.
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        sys.exit(1)
     except Exception as error:
         from features.errors import CwlfError
 
         if not isinstance(error, CwlfError):
             raise
-        _fail(str(error))
-
-
-def _fail(message: str, code: int = 1) -> None:
-    typer.echo(f"cwlf-slam: {message}", err=True)
-    sys.exit(code)
+        typer.echo(f"cwlf-slam: {error}", err=True)
+        sys.exit(1)
 
 
 @app.command()
@@ -82,9 +84,10 @@ def demo(
         evaluation = evaluate_simulated(source, result)
         metrics = replace(result.metrics, ate_rmse_m=evaluation.ate_rmse_m, landmark_rmse_m=evaluation.landmark_rmse_m)
         _save(folder, "Simulated room", replace(result, metrics=metrics), error)
+    rmse = evaluation.landmark_rmse_m
     typer.echo(
         f"ATE {evaluation.ate_rmse_m:.4f} m (odometry alone {evaluation.odometry_ate_rmse_m:.3f} m), "
-        f"landmark RMSE {evaluation.landmark_rmse_m:.4f} m, "
+        f"landmark RMSE {'unknown' if rmse is None else f'{rmse:.4f} m'}, "
         f"{evaluation.corners_mapped} of {evaluation.corners} corners of the room on the map"
     )
     _leave(result)
@@ -156,6 +159,10 @@ def show_config(sensor: Sensor = None, config: Config = None) -> None:
     typer.echo(to_toml(load_config(config, preset=sensor)), nl=False)
 
 
+app.command("extract")(extract_scan)
+app.add_typer(study)
+
+
 def _process(source: FrameSource, config: SlamConfig, limit: int | None = None) -> tuple[SlamResult, CwlfError | None]:
     """Run the source through SLAM; Ctrl-C and broken data end it early with what was done so far.
 
@@ -184,14 +191,18 @@ def _process(source: FrameSource, config: SlamConfig, limit: int | None = None) 
                 error = broken
             if slam.scans == 0:
                 raise error or KeyboardInterrupt
+            if interrupt.requested:
+                progress.say("stopping: what was done so far is solved and saved; Ctrl-C again to give up")
             progress.solving(slam.scans)
         return slam.finish(interrupted=interrupt.requested), error
 
 
 def _save(folder: Path, title: str, result: SlamResult, error: CwlfError | None) -> None:
+    from slam.interrupt import Interrupt
     from slam.run_folder import save_run
 
-    save_run(folder, result, title)
+    with Interrupt():  # a Ctrl-C that comes now finds the folder complete
+        save_run(folder, result, title)
     if error is not None:
         raise type(error)(f"{error} (what came before is in {folder})")
     metrics = result.metrics

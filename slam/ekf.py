@@ -53,10 +53,21 @@ class LandmarkEkf(ExtendedKalmanFilter):
         """Landmarks, world frame, shape (n, 2) [m]."""
         return self.x[POSE_DIM:].reshape(-1, 2)
 
+    @property
+    def landmark_covs(self) -> Array:
+        """Covariance of each landmark, shape (n, 2, 2) [m^2]."""
+        blocks = POSE_DIM + 2 * np.arange(len(self.landmarks))[:, None] + np.arange(2)
+        return self.P[blocks[:, :, None], blocks[:, None, :]]
+
     def predict(self, u: Pose) -> None:  # type: ignore[override]  # filterpy's default of 0 is no motion of a robot
         """Move the robot by ``u``, a pose in the frame before the motion, with covariance ``Q``, shape (3, 3).
 
         Landmarks rest, so three rows and columns of P change (eq. M13).
+
+        Raises
+        ------
+        DivergedError
+            The moved pose or its covariance is not finite.
         """
         by_pose, by_motion = compose_jacobians(self.x[:POSE_DIM], u)
         x, P = self.x.copy(), self.P.copy()
@@ -64,6 +75,8 @@ class LandmarkEkf(ExtendedKalmanFilter):
         P[:POSE_DIM] = by_pose @ P[:POSE_DIM]
         P[:, :POSE_DIM] = P[:, :POSE_DIM] @ by_pose.T
         P[:POSE_DIM, :POSE_DIM] += by_motion @ self.Q @ by_motion.T
+        if not (np.isfinite(x[:POSE_DIM]).all() and np.isfinite(P[:POSE_DIM, :POSE_DIM]).all()):
+            raise DivergedError("the pose or its covariance is no longer finite: look at the odometry and the mounting")
         self.x, self.P = x, P
         self._save_prior()
 

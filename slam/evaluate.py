@@ -51,13 +51,13 @@ class SimulationReport:
     Parameters
     ----------
     ate_rmse_m, odometry_ate_rmse_m : of the final trajectory and of odometry alone [m].
-    landmark_rmse_m : over the landmarks that are corners of the world [m].
+    landmark_rmse_m : over the landmarks that are corners of the world [m]; None where there are none.
     corners, corners_mapped : corners of the world, and how many of them are on the map.
     """
 
     ate_rmse_m: float
     odometry_ate_rmse_m: float
-    landmark_rmse_m: float
+    landmark_rmse_m: float | None
     corners: int
     corners_mapped: int
 
@@ -73,7 +73,7 @@ def evaluate_simulated(source: "SimulatedRun", result: SlamResult) -> Simulation
     return SimulationReport(
         ate_rmse_m=absolute.rmse_m,
         odometry_ate_rmse_m=ate(truth, result.odometry).rmse_m,
-        landmark_rmse_m=float(np.sqrt(np.mean(errors**2))),
+        landmark_rmse_m=float(np.sqrt(np.mean(errors**2))) if len(errors) else None,
         corners=len(corners),
         corners_mapped=len(pairs),
     )

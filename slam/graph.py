@@ -129,12 +129,32 @@ class LandmarkGraph:
             converged=optimizer.iterations() < max_iterations,
         )
 
+    def unsolved(self, positions_world: Array, covs: Array) -> GraphEstimate:
+        """Return the first guesses of the key frames and of the landmarks that :meth:`optimize` would solve for.
+
+        Parameters
+        ----------
+        positions_world, covs : of every landmark by index, shapes (n, 2) [m] and (n, 2, 2) [m^2].
+        """
+        landmarks = self._determined()
+        return GraphEstimate(
+            poses_world_robot=np.array(self._poses).reshape(-1, 3),
+            landmarks=landmarks,
+            positions_world=positions_world[landmarks],
+            covs=covs[landmarks],
+            converged=False,
+        )
+
+    def _determined(self) -> NDArray[np.int64]:
+        """Return the landmarks that two key frames or more have seen, rising."""
+        seen = [observations.landmarks for observations in self._observations]
+        landmarks, counts = np.unique(np.concatenate([*seen, np.empty(0, np.int64)]), return_counts=True)
+        return landmarks[counts >= 2]
+
     def _with_observations(
         self, positions_world: Array
     ) -> tuple[gtsam.NonlinearFactorGraph, gtsam.Values, NDArray[np.int64]]:
-        seen = [observations.landmarks for observations in self._observations]
-        landmarks, counts = np.unique(np.concatenate([*seen, np.empty(0, np.int64)]), return_counts=True)
-        landmarks = landmarks[counts >= 2]
+        landmarks = self._determined()
         held = set(landmarks.tolist())
         graph = gtsam.NonlinearFactorGraph(self._graph)
         values = gtsam.Values()

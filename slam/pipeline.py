@@ -1,5 +1,6 @@
 """The whole of SLAM, frame by frame: predict, extract, associate, update, birth, key frame."""
 
+import logging
 import math
 import sys
 import time
@@ -18,12 +19,15 @@ from features.se2 import Array, Pose, compose, transform
 from slam.association import Association, Gates, associate
 from slam.config import SlamConfig
 from slam.ekf import LandmarkEkf
-from slam.graph import LandmarkGraph, Observations
+from slam.errors import DivergedError
+from slam.graph import GraphEstimate, LandmarkGraph, Observations
 from slam.landmark import LandmarkTable
 from slam.odometry import OdometryIncrement, OdometryModel
 from slam.result import LandmarkMap, RunMetrics, SlamResult, StageTime
 from slam.smoothing import carry_corrections
 from slam.trajectory import Trajectory
+
+logger = logging.getLogger(__name__)
 
 FIRST_POSE_COV = np.diag([1e-8, 1e-8, 1e-10])
 """The first pose defines the world frame."""
@@ -196,7 +200,7 @@ class Slam:
         )
         self._since_key_frame.reset()
         mounting = self._sensor.mounting
-        seen = (scan.ranges >= self._sensor.range_min) & (scan.ranges <= self._sensor.range_max)
+        seen = (scan.ranges > 0.0) & (scan.ranges >= self._sensor.range_min) & (scan.ranges <= self._sensor.range_max)
         ranges, angles = scan.ranges[seen], scan.angles[seen]
         points_sensor = np.stack([ranges * np.cos(angles), ranges * np.sin(angles)], axis=-1)
         self._key_frames.append(
@@ -210,17 +214,17 @@ class Slam:
     def finish(self, *, interrupted: bool = False) -> SlamResult:
         """Solve the graph and put the result together; ``interrupted`` is noted in the metrics.
 
+        Where the graph has no unique solution the filter's poses and landmarks stand, and a warning says so.
+
         Raises
         ------
-        DivergedError
-            The graph has no unique solution.
         ValueError
             No scan was processed.
         """
         if not self._key_frames:
             raise ValueError("no scan was processed: there is nothing to finish")
         with self._timed("back_end"):
-            estimate = self._graph.optimize(self._filter.landmarks, self.config.back_end.max_iterations)
+            estimate = self._solve()
         stamps, poses_odom = np.array(self._stamps), np.array(self._poses_odom)
         anchors = np.array([key_frame.record for key_frame in self._key_frames])
         kept = self._table.observations[estimate.landmarks] >= self.config.map.min_observations
@@ -259,6 +263,14 @@ class Slam:
             ),
             config=self.config,
         )
+
+    def _solve(self) -> GraphEstimate:
+        landmarks = self._filter.landmarks
+        try:
+            return self._graph.optimize(landmarks, self.config.back_end.max_iterations)
+        except DivergedError as error:
+            logger.warning("%s: the result is that of the filter", error)
+            return self._graph.unsolved(landmarks, self._filter.landmark_covs)
 
     @property
     def _filter(self) -> LandmarkEkf:

@@ -95,7 +95,8 @@ def read_trajectory(folder: Path) -> Trajectory:
     """
     path = folder / TRAJECTORY
     if not folder.is_dir():
-        raise RunFolderError(f"{folder}: no such run folder")
+        problem = "is a file, not a run folder" if folder.exists() else "no such run folder"
+        raise RunFolderError(f"{folder}: {problem}")
     if not path.is_file():
         raise RunFolderError(f"{folder}: holds no {TRAJECTORY}, so it is not a run folder")
     return read_tum(path)

@@ -3,18 +3,20 @@
 Shares no code with ``features`` and imports nothing of it.
 """
 
+import itertools
 from dataclasses import dataclass
 
 import numpy as np
 
+Y_ON_X, X_ON_Y, POLAR = range(3)
+
 
 @dataclass(frozen=True)
 class TwinLine:
-    """A line as its regression (slope, intercept at center) and as indices of the beams it was fitted to."""
+    """A line in one of the three forms, the beams at its ends and the number of its points."""
 
-    vertical: bool
-    slope: float
-    intercept: float
+    form: int
+    params: np.ndarray
     center: float
     cov: np.ndarray
     ends: np.ndarray
@@ -34,64 +36,150 @@ class TwinCorner:
 
 
 def cartesian_cov(rho, theta, sigma_range, sigma_bearing):
-    """Eq. 9-10 as the product A C A'."""
+    """Eq. 9-10 as the product A C A'; stacked where rho and theta are arrays."""
     c, s = np.cos(theta), np.sin(theta)
-    axes = np.array([[c, -s], [s, c]])
-    return axes @ np.diag([sigma_range**2, (rho * sigma_bearing) ** 2]) @ axes.T
+    axes = np.moveaxis(np.array([[c, -s], [s, c]]), (0, 1), (-2, -1))
+    polar = np.zeros(axes.shape)
+    polar[..., 0, 0], polar[..., 1, 1] = sigma_range**2, (rho * sigma_bearing) ** 2
+    return axes @ polar @ np.swapaxes(axes, -1, -2)
 
 
-def fit_line(ranges, angles, sigma_range, sigma_bearing, form):
-    """Eq. 20-35 in the form of eq. 25-26: slope and intercept of the plain axes, then shifted to the centroid."""
+def fit_line(ranges, angles, sigma_range, sigma_bearing, fit="effective-variance", covariance="propagated"):
+    """Fit a line by any of the four methods: form, parameters, center, covariance, ends."""
     points = np.stack([ranges * np.cos(angles), ranges * np.sin(angles)], axis=-1)
-    covs = np.array([cartesian_cov(r, a, sigma_range, sigma_bearing) for r, a in zip(ranges, angles, strict=True)])
+    covs = cartesian_cov(ranges, angles, sigma_range, sigma_bearing)
     n1, n2 = len(points) * ((points - points.mean(axis=0)) ** 2).sum(axis=0)
-    vertical = bool(n2 > n1)
-    iu, iv = (1, 0) if vertical else (0, 1)
+    axis_form = X_ON_Y if n2 > n1 else Y_ON_X
+    if fit == "cwlf":
+        form, (params, center, cov) = axis_form, _cwlf(points, covs, axis_form, covariance)
+    elif fit == "effective-variance":
+        form, (params, center, cov) = axis_form, _effective_variance(points, covs, axis_form)
+    else:
+        w = 1.0 / np.linalg.det(covs) if fit == "arras-siegwart" else np.ones(len(points))  # eq. 3
+        form, params, center = POLAR, arras_siegwart(ranges, angles, w), 0.0
+        cov = _polar_cov(ranges, angles, w, params[0], sigma_range, sigma_bearing)
+    normal, offset = normal_form(form, params, center)
+    distances = points @ normal - offset
+    freedom = len(points) - 2
+    if covariance == "propagated" and freedom > 0:
+        misfit = (distances**2 / np.einsum("j,ijk,k->i", normal, covs, normal)).sum()
+        cov = cov * max(1.0, misfit / (freedom + 3.0 * np.sqrt(2.0 * freedom)))
+    ends = (points - np.outer(distances, normal) / (normal @ normal))[[0, -1]]
+    return form, params, center, cov, ends
+
+
+def normal_form(form, params, center):
+    """Normal, not of length one for a regression, and offset: the line is normal . p = offset."""
+    if form == POLAR:
+        return np.array([np.cos(params[0]), np.sin(params[0])]), params[1]
+    slope, intercept = params
+    normal = np.array([1.0, -slope]) if form == X_ON_Y else np.array([-slope, 1.0])
+    return normal, intercept - slope * center
+
+
+def _cwlf(points, covs, form, covariance):
+    """Eq. 20-35 by least squares with a design matrix."""
+    iu, iv = (1, 0) if form == X_ON_Y else (0, 1)
     u, v = points[:, iu], points[:, iv]
     var_u, var_v, cov_uv = covs[:, iu, iu], covs[:, iv, iv], covs[:, iu, iv]
     w = 1.0 / (var_v - cov_uv**2 / var_u)  # eq. 13 or 15
-
     center = np.average(u, weights=w)
     design = np.stack([u - center, np.ones_like(u)], axis=-1)
     root = np.sqrt(w)[:, None]
-    (slope, intercept), *_ = np.linalg.lstsq(design * root, v * root[:, 0], rcond=None)
+    params = np.linalg.lstsq(design * root, v * root[:, 0], rcond=None)[0]
+    if covariance == "paper":
+        return params, center, np.diag(1.0 / np.array([(w * (u - center) ** 2).sum(), w.sum()]))
+    normal = np.empty(2)
+    normal[iu], normal[iv] = -params[0], 1.0
+    effective = np.einsum("j,ijk,k->i", normal, covs, normal)
+    gain = np.linalg.inv(design.T @ (w[:, None] * design)) @ (design * w[:, None]).T
+    return params, center, gain @ np.diag(effective) @ gain.T
 
-    if form == "paper":
-        cov = np.diag(1.0 / np.array([(w * (u - center) ** 2).sum(), w.sum()]))
-    else:
-        normal = np.array([-slope, 1.0])
-        effective = np.array([normal @ c[np.ix_([iu, iv], [iu, iv])] @ normal for c in covs])
-        gain = np.linalg.inv(design.T @ (w[:, None] * design)) @ (design * w[:, None]).T
-        cov = gain @ np.diag(effective) @ gain.T
-        misfit = ((v - design @ [slope, intercept]) ** 2 / effective).sum()
-        freedom = len(u) - 2
-        if freedom > 0:
-            cov = cov * max(1.0, misfit / (freedom + 3.0 * np.sqrt(2.0 * freedom)))
 
-    direction = np.zeros(2)
-    direction[iu], direction[iv] = 1.0, slope
-    direction /= np.linalg.norm(direction)
-    foot = np.zeros(2)
-    foot[iu], foot[iv] = center, intercept
-    ends = np.array([foot + direction * (direction @ (p - foot)) for p in (points[0], points[-1])])
-    return vertical, float(slope), float(intercept), float(center), cov, ends
+def likelihood_residuals(points, covs, alpha, r):
+    """(n . p_i - r) / sqrt(n' C_i n), n = (cos alpha, sin alpha); half their squared sum is -log of the likelihood."""
+    normal = np.array([np.cos(alpha), np.sin(alpha)])
+    return (points @ normal - r) / np.sqrt(np.einsum("j,ijk,k->i", normal, covs, normal))
+
+
+def _effective_variance(points, covs, form):
+    """Least squares of the likelihood's residuals in alpha and r, differentiated by complex steps, then rewritten."""
+    middle = points.mean(axis=0)
+    normal = np.linalg.svd(points - middle)[2][1]
+    alpha, r = np.arctan2(normal[1], normal[0]), 0.0  # r from the middle
+    h = 1e-30
+
+    def residuals(a, d):
+        n = np.array([np.cos(a), np.sin(a)])
+        return ((points - middle) @ n - d) / np.sqrt(np.einsum("j,ijk,k->i", n, covs, n))
+
+    for _ in range(100):
+        jacobian = np.stack([residuals(alpha + h * 1j, r).imag, residuals(alpha, r + h * 1j).imag], axis=-1) / h
+        step = np.linalg.lstsq(jacobian, -residuals(alpha, r), rcond=None)[0]
+        alpha, r = alpha + step[0], r + step[1]
+        if (jacobian @ step) @ (jacobian @ step) < 1e-24:
+            break
+    cov = np.linalg.inv(jacobian.T @ jacobian)
+    # x cos(alpha) + y sin(alpha) = r about the middle is v = m u + b with these m and b.
+    iu, iv = (1, 0) if form == X_ON_Y else (0, 1)
+    normal = np.array([np.cos(alpha), np.sin(alpha)])
+    turned = np.array([-np.sin(alpha), np.cos(alpha)])
+    slope, height = -normal[iu] / normal[iv], r / normal[iv]
+    change = np.array(
+        [
+            [(-turned[iu] * normal[iv] + normal[iu] * turned[iv]) / normal[iv] ** 2, 0.0],
+            [-r * turned[iv] / normal[iv] ** 2, 1.0 / normal[iv]],
+        ]
+    )
+    return np.array([slope, middle[iv] + height]), middle[iu], change @ cov @ change.T
+
+
+def arras_siegwart(rho, theta, w):
+    """Eq. 16-17 with the double sums as they are printed: alpha and r, r not negative."""
+    products = np.outer(w * rho, w * rho)
+    numerator = 2.0 / w.sum() * (products * np.outer(np.sin(theta), np.cos(theta))).sum()
+    numerator -= (w * rho**2 * np.sin(2.0 * theta)).sum()
+    denominator = (products * np.cos(theta[:, None] + theta)).sum() / w.sum() - (w * rho**2 * np.cos(2.0 * theta)).sum()
+    alpha = np.arctan2(numerator, denominator) / 2.0
+    r = (w * rho * np.cos(theta - alpha)).sum() / w.sum()
+    return np.array([alpha, r]) if r >= 0.0 else np.array([alpha + (np.pi if alpha <= 0.0 else -np.pi), -r])
+
+
+def _polar_cov(rho, theta, w, alpha, sigma_range, sigma_bearing):
+    """Eq. 19 at fixed weights; derivatives by finite differences of fourth order, a thousandth of the wall wide."""
+    points = np.stack([rho * np.cos(theta), rho * np.sin(theta)], axis=-1)
+    wide = 1e-3 * np.linalg.norm(np.ptp(points, axis=0))
+
+    def line(moved_rho, moved_theta):
+        # Rows are moved measurements; the normal is the one on the side of alpha.
+        x, y = moved_rho * np.cos(moved_theta), moved_rho * np.sin(moved_theta)
+        mean_x, mean_y = x @ w / w.sum(), y @ w / w.sum()
+        x, y = x - mean_x[:, None], y - mean_y[:, None]
+        turned = np.arctan2(-2.0 * (x * y) @ w, (y**2 - x**2) @ w) / 2.0
+        turned = alpha + (turned - alpha + np.pi / 2.0) % np.pi - np.pi / 2.0
+        return np.stack([turned, mean_x * np.cos(turned) + mean_y * np.sin(turned)])
+
+    def derivative(move, steps):
+        near, far = (move(width) - move(-width) for width in (np.diag(steps), 2.0 * np.diag(steps)))
+        return (8.0 * near - far) / (12.0 * steps)
+
+    by_range = derivative(lambda moved: line(rho + moved, np.broadcast_to(theta, moved.shape)), np.full(len(rho), wide))
+    by_bearing = derivative(lambda moved: line(np.broadcast_to(rho, moved.shape), theta + moved), wide / rho)
+    return sigma_range**2 * by_range @ by_range.T + sigma_bearing**2 * by_bearing @ by_bearing.T
 
 
 def intersect(a, b):
     """Intersection as the solution of two equations, its covariance by their implicit derivative."""
-
-    def equation(line):
-        # normal . p = offset with p = (x, y); derivative of (normal . p - offset) by slope and intercept.
-        normal = np.array([1.0, -line.slope]) if line.vertical else np.array([-line.slope, 1.0])
-        return normal, line.intercept - line.slope * line.center
-
-    (normal_a, offset_a), (normal_b, offset_b) = equation(a), equation(b)
+    (normal_a, offset_a), (normal_b, offset_b) = (normal_form(each.form, each.params, each.center) for each in (a, b))
     matrix = np.array([normal_a, normal_b])
     position = np.linalg.solve(matrix, [offset_a, offset_b])
+    # Derivative of (normal . p - offset) by the parameters.
     by_params = np.zeros((2, 4))
-    for row, line in enumerate((a, b)):
-        abscissa = position[1] if line.vertical else position[0]
-        by_params[row, 2 * row] = -(abscissa - line.center)
+    for row, (line, normal) in enumerate(((a, normal_a), (b, normal_b))):
+        if line.form == POLAR:
+            by_params[row, 2 * row] = position @ [-normal[1], normal[0]]
+        else:
+            by_params[row, 2 * row] = line.center - position[1 if line.form == X_ON_Y else 0]
         by_params[row, 2 * row + 1] = -1.0
     jacobian = -np.linalg.solve(matrix, by_params)
     joint = np.zeros((4, 4))
@@ -107,54 +195,123 @@ def extract(ranges, angles, model, config):
     beams = np.array(
         [k for k in everything if ranges[k] > 0.0 and model.range_min <= ranges[k] <= model.range_max], np.int64
     )
-    if len(beams) < config.min_points:
+    n = len(beams)
+    if n < config.min_points:
         return [], []
     rho, theta = ranges[beams], angles[beams]
+    jump = np.array([_jumps(rho, theta, i, (i + 1) % n, spacing, sigma_range, config) for i in range(n)])
+    closed = not jump.any()
+    # Lines begin at the first beam, at the first jump where a segment lies across the end of the scan.
+    start = int(np.argmax(rho)) if closed else 0 if jump[-1] else int(np.argmax(jump)) + 1
+    chain = (start + np.arange(n + closed)) % n
+    beams, rho, theta = beams[chain], rho[chain], theta[chain]
     points = np.stack([rho * np.cos(theta), rho * np.sin(theta)], axis=-1)
-    n = len(beams)
+    cuts = np.flatnonzero(jump[chain[:n]]) + 1
+    clusters = np.split(np.arange(len(chain)), cuts)
 
-    jump = [_jumps(rho, theta, i, (i + 1) % n, spacing, sigma_range, config) for i in range(n)]
-    closed = not any(jump)
-    if closed:
-        start = int(np.argmax(rho))
-        clusters = [[(start + k) % n for k in range(n + 1)]]
-    else:
-        start = jump.index(True) + 1
-        clusters = [[]]
-        for k in range(n):
-            i = (start + k) % n
-            clusters[-1].append(i)
-            if jump[i]:
-                clusters.append([])
-
-    lines, joints = [], []
+    segments = []
     for cluster in clusters:
-        if len(cluster) < 2:
+        if len(cluster) >= config.min_points:
+            segments += _merge(_iepf(list(cluster), points, rho, model, config), points, rho, model, config)
+    segments, joined = _without_stubs(segments, points, closed, config)
+    spans = [_trim(segment, points, config.trim_points, config.trim_sigmas * sigma_range) for segment in segments]
+    rough = [_rough(points[span[0] : span[1] + 1]) if span[1] > span[0] else None for span in spans]
+    breaks = [[int(segment[0]), int(segment[-1])] for segment in segments]
+    accepted = max(config.split_distance_mm * 1e-3, config.split_sigmas * sigma_range)
+    for k in range(len(segments)):
+        follower = (k + 1) % len(segments)
+        if follower == k or not joined[k] or rough[k] is None or rough[follower] is None:
             continue
-        for segment in _merge(_iepf(cluster, points, rho, model, config), points, rho, model, config):
-            kept = _trim(segment, points, config.trim_points, config.trim_sigmas * sigma_range)
-            if len(kept) < config.min_points:
-                continue
-            if np.linalg.norm(points[kept[-1]] - points[kept[0]]) < config.min_length_m:
-                continue
-            fitted = fit_line(rho[kept], theta[kept], sigma_range, sigma_bearing, config.covariance)
-            lines.append(TwinLine(*fitted, beams=(int(beams[kept[0]]), int(beams[kept[-1]])), count=len(kept)))
-            joints.append(segment)
+        matrix = np.array([rough[k][0], rough[follower][0]])
+        if np.linalg.det(matrix) == 0.0:
+            continue
+        position = np.linalg.solve(matrix, [rough[k][1], rough[follower][1]])
+        near = [np.abs(points @ normal - offset) <= accepted for normal, offset in (rough[k], rough[follower])]
+        bounds = (spans[k][0], breaks[k][1], breaks[follower][0], spans[follower][1])
+        last, first = _move_break(bounds, follower == 0, points, position, near)
+        joined[k] = _meet(position, points[[last - 1, last]], points[[first, first + 1]], config)
+        if joined[k]:
+            breaks[k][1], breaks[follower][0] = last, first
+            away = np.linalg.norm(points - position, axis=1) >= config.trim_sigmas * sigma_range
+            spans[k][1] = _step_back(last - config.trim_points, spans[k][0], away)
+            spans[follower][0] = _step_back(first + config.trim_points, spans[follower][1], away)
+
+    lines, fitted = [], []
+    for k, (first, last) in enumerate(spans):
+        if last - first + 1 < config.min_points or np.linalg.norm(points[last] - points[first]) < config.min_length_m:
+            continue
+        kept = slice(first, last + 1)
+        line = fit_line(rho[kept], theta[kept], sigma_range, sigma_bearing, config.fit, config.covariance)
+        lines.append(TwinLine(*line, beams=(int(beams[first]), int(beams[last])), count=last - first + 1))
+        fitted.append(k)
 
     corners = []
-    for k, line in enumerate(lines):
-        if k + 1 == len(lines) and not closed:
-            break
-        follower = (k + 1) % len(lines)
-        if follower == k:
-            break
-        before, after = joints[k], joints[follower]
-        if before[-1] != after[0]:
+    for i, k in enumerate(fitted):
+        follower = (i + 1) % len(fitted)
+        if follower == i or not joined[k] or fitted[follower] != (k + 1) % len(segments):
             continue
-        corner = _corner(line, lines[follower], points[before[-2:]], points[after[:2]], config)
+        last, first = breaks[k][1], breaks[fitted[follower]][0]
+        corner = _corner(lines[i], lines[follower], points[[last - 1, last]], points[[first, first + 1]], config)
         if corner is not None:
             corners.append(corner)
     return lines, corners
+
+
+def _rough(points):
+    """Unit normal and offset of the total-least-squares line."""
+    middle = points.mean(axis=0)
+    normal = np.linalg.svd(points - middle)[2][1]
+    return normal, normal @ middle
+
+
+def _without_stubs(segments, points, closed, config):
+    """Segments that may be lines, and whether each is joined to the next, be it through what was left out."""
+    least = config.min_points + 2 * config.trim_points
+    kept = [
+        i
+        for i, each in enumerate(segments)
+        if len(each) >= least and np.linalg.norm(points[each[-1]] - points[each[0]]) >= config.min_length_m
+    ]
+    touches = [a[-1] == b[0] for a, b in itertools.pairwise(segments)]
+    joined = [all(touches[i:j]) for i, j in itertools.pairwise(kept)] + [closed] * bool(kept)
+    return [segments[i] for i in kept], joined
+
+
+def _move_break(bounds, fixed, points, position, near):
+    """Last point of the first wall and first of the second, searched from the break outwards.
+
+    A point changes sides where the wall that takes it is near; at the cut of a closed contour points are only lost.
+    """
+    begin, last, first, end = bounds
+
+    def behind(i):
+        return points[i][0] * position[1] - points[i][1] * position[0] < 0.0  # the point, of the position
+
+    while last > begin and behind(last) and (fixed or near[1][last]):
+        last -= 1
+    while first < end and not behind(first) and (fixed or near[0][first]):
+        first += 1
+    if not fixed:
+        if last == bounds[1]:
+            while last + 1 < end and not behind(last + 1) and near[0][last + 1]:
+                last += 1
+        if first == bounds[2]:
+            while first - 1 > begin and behind(first - 1) and near[1][first - 1]:
+                first -= 1
+    return last, first
+
+
+def _step_back(index, limit, away):
+    while index != limit and not away[index]:
+        index += 1 if limit > index else -1
+    return index
+
+
+def _meet(position, last_two, first_two, config):
+    """Both walls end at the position, as near as the spacing of their points tells."""
+    spacing = max(np.linalg.norm(np.diff(pair, axis=0)) for pair in (last_two, first_two))
+    gap = max(np.linalg.norm(position - point) for point in (last_two[-1], first_two[0]))
+    return bool(gap <= config.corner_gap_mm * 1e-3 + spacing)
 
 
 def _counter_clockwise(angles):
@@ -180,11 +337,13 @@ def _spacing(angles):
 
 def _jumps(rho, theta, i, k, spacing, sigma_range, config):
     """Borges and Aldon's adaptive break point, and a limit on the gap between beams."""
-    jump_angle = np.radians(config.jump_angle_deg)
     gap = (theta[k] - theta[i]) % (2.0 * np.pi)
-    if len(rho) == 1 or gap > config.gap_beams * spacing or gap >= jump_angle:
+    if len(rho) == 1 or gap > config.gap_beams * spacing or gap >= np.pi:
         return True
-    limit = min(rho[i], rho[k]) * np.sin(gap) / np.sin(jump_angle - gap) + config.split_sigmas * sigma_range
+    limit = (
+        min(rho[i], rho[k]) * np.sin(gap) / np.sin(np.radians(config.jump_angle_deg))
+        + config.split_sigmas * sigma_range
+    )
     return abs(rho[k] * np.exp(1j * gap) - rho[i]) > limit
 
 
@@ -233,13 +392,12 @@ def _worst(indices, points, rho, model, config):
 
 
 def _trim(segment, points, count, distance):
-    first, last = segment[0], segment[-1]
-    a, b = count, len(segment) - 1 - count
-    while a <= b and np.linalg.norm(points[segment[a]] - points[first]) < distance:
-        a += 1
-    while b >= a and np.linalg.norm(points[segment[b]] - points[last]) < distance:
-        b -= 1
-    return segment[a : b + 1]
+    """First and last point that are ``count`` points and ``distance`` away from the ends; the far end where none is."""
+    apart = [np.linalg.norm(points[segment] - points[end], axis=1) >= distance for end in (segment[0], segment[-1])]
+    n = len(segment)
+    a = next((k for k in range(min(count, n - 1), n) if apart[0][k]), n - 1)
+    b = next((k for k in range(max(n - 1 - count, 0), -1, -1) if apart[1][k]), 0)
+    return [int(segment[a]), int(segment[b])]
 
 
 def _corner(a, b, last_two, first_two, config):
@@ -249,8 +407,7 @@ def _corner(a, b, last_two, first_two, config):
     if not np.radians(config.corner_angle_min_deg) <= opening_angle <= np.radians(config.corner_angle_max_deg):
         return None
     position, cov = intersect(a, b)
-    spacing = max(np.linalg.norm(np.diff(pair, axis=0)) for pair in (last_two, first_two))
-    if np.linalg.norm(position - first_two[0]) > config.corner_gap_mm * 1e-3 + spacing:
+    if not _meet(position, last_two, first_two, config):
         return None
     bisector = arm_a + arm_b
     # The scan runs counter-clockwise: seen from the sensor a room's corner turns left, a pillar's right.

@@ -19,6 +19,7 @@ def test_corner_angles_must_be_in_order():
 @pytest.mark.parametrize(
     ("key", "value"),
     [
+        ("fit", "york"),
         ("covariance", "arras"),
         ("jump_angle_deg", 0.0),
         ("jump_angle_deg", 90.0),
@@ -37,6 +38,13 @@ def test_corner_angles_must_be_in_order():
 def test_a_value_without_meaning_is_refused_by_key(key, value):
     with pytest.raises(ValidationError, match=key):
         ExtractionConfig(**{key: value})
+
+
+@pytest.mark.parametrize("fit", ["effective-variance", "arras-siegwart", "total-least-squares"])
+def test_the_papers_covariance_belongs_to_its_fit_alone(fit):
+    with pytest.raises(ValidationError, match=f"belongs to fit \"cwlf\", not to '{fit}'"):
+        ExtractionConfig(fit=fit, covariance="paper")
+    assert ExtractionConfig(fit="cwlf", covariance="paper").covariance == "paper"
 
 
 def test_rules_cannot_be_changed_afterwards():

@@ -59,12 +59,48 @@ def test_a_scan_turned_by_quarter_turns_gives_turned_corners_and_covariances(see
     assert_same_corners(turned.corners, moved(extract(scan, MODEL).corners, rotation(angle)))
 
 
+TURNING = ["effective-variance", "arras-siegwart", "total-least-squares"]
+"""Fits that do not depend on the frame's axes; the first to where its iteration stops."""
+
+
+@pytest.mark.parametrize("fit", TURNING)
+@law
+@given(seed=SEEDS, beams=BEAMS, angle=st.floats(-10.0, 10.0))
+def test_a_scan_turned_by_any_angle_has_its_corners_turned(fit, seed, beams, angle):
+    scan, config = room_scan(seed, beams), ExtractionConfig(fit=fit)
+    found, turned = extract(scan, MODEL, config), extract(LaserScan(scan.ranges, scan.angles + angle), MODEL, config)
+    np.testing.assert_array_equal(turned.lines.beams, found.lines.beams)
+    # A corner whose angle or gap is at its limit may come or go.
+    assume(len(turned.corners) == len(found.corners))
+    expected = moved(found.corners, rotation(angle))
+    share = 1e-3 if fit == "effective-variance" else 1e-7
+    sigmas = np.sqrt(np.trace(expected.covs, axis1=1, axis2=2))
+    assert (np.hypot(*(turned.corners.positions - expected.positions).T) <= share * sigmas + 1e-9).all()
+    assert (np.abs(turned.corners.covs - expected.covs) <= 2.0 * share * sigmas[:, None, None] ** 2).all()
+    np.testing.assert_array_equal(turned.corners.convex, expected.convex)
+    np.testing.assert_allclose(turned.corners.opening_angles, expected.opening_angles, atol=1e-3)
+
+
+@pytest.mark.parametrize("fit", TURNING)
+def test_a_scan_turned_through_a_turn_shows_no_step_where_the_axis_switches(fit):
+    """Every two degrees: the same corners, positions and covariances."""
+    scan, config = room_scan(5), ExtractionConfig(fit=fit)
+    plain = extract(scan, MODEL, config).corners
+    assert len(plain) >= 5
+    for angle in np.radians(np.arange(0.0, 360.0, 2.0)):
+        turned = extract(LaserScan(scan.ranges, scan.angles + angle), MODEL, config).corners
+        back = moved(turned, rotation(-angle))
+        sigmas = np.sqrt(np.trace(plain.covs, axis1=1, axis2=2))
+        assert (np.hypot(*(back.positions - plain.positions).T) <= 1e-3 * sigmas).all()
+        assert (np.abs(back.covs - plain.covs) <= 2e-3 * sigmas[:, None, None] ** 2).all()
+
+
 @law
 @given(SEEDS, BEAMS, st.floats(-10.0, 10.0))
-def test_a_scan_turned_by_any_angle_has_the_same_lines_and_kinds(seed, beams, angle):
+def test_a_scan_turned_by_any_angle_has_the_same_lines_and_kinds_by_cwlf(seed, beams, angle):
     """Segments are those of the same beams; the fit itself depends on the axes (see the next test)."""
-    scan = room_scan(seed, beams)
-    found, turned = extract(scan, MODEL), extract(LaserScan(scan.ranges, scan.angles + angle), MODEL)
+    scan, config = room_scan(seed, beams), ExtractionConfig(fit="cwlf")
+    found, turned = extract(scan, MODEL, config), extract(LaserScan(scan.ranges, scan.angles + angle), MODEL, config)
     np.testing.assert_array_equal(turned.lines.beams, found.lines.beams)
     # A corner whose angle or gap is at its limit may come or go.
     apart = np.abs(turned.corners.positions[:, None] - moved(found.corners, rotation(angle)).positions).max(axis=2)
@@ -78,17 +114,17 @@ def test_a_scan_turned_by_any_angle_has_the_same_lines_and_kinds(seed, beams, an
     )
 
 
-def test_a_scan_turned_by_any_angle_moves_corners_by_a_part_of_their_sigma():
+def test_a_scan_turned_by_any_angle_moves_corners_of_cwlf_by_a_part_of_their_sigma():
     """Eq. 23 and 34 weight by the frame's axes, so that the paper's fit is not the same in every frame.
 
     Measured: half of the corners move by less than 0.25 of their standard deviation, 90 % by less than 1.
     """
-    rng = np.random.default_rng(2)
+    rng, config = np.random.default_rng(2), ExtractionConfig(fit="cwlf")
     moves, differing = [], 0
     for seed in range(200):
         scan, angle = room_scan(seed), rng.uniform(-math.pi, math.pi)
-        expected = moved(extract(scan, MODEL).corners, rotation(angle))
-        turned = extract(LaserScan(scan.ranges, scan.angles + angle), MODEL).corners
+        expected = moved(extract(scan, MODEL, config).corners, rotation(angle))
+        turned = extract(LaserScan(scan.ranges, scan.angles + angle), MODEL, config).corners
         if len(turned) != len(expected):
             # An opening angle of 30 or 150 deg, or a gap, at its limit.
             differing += 1
@@ -154,7 +190,10 @@ def test_a_mirrored_world_is_segmented_alike():
 CONFIGS = st.sampled_from(
     [
         ExtractionConfig(),
-        ExtractionConfig(covariance="paper"),
+        ExtractionConfig(fit="cwlf", covariance="paper"),
+        ExtractionConfig(fit="cwlf"),
+        ExtractionConfig(fit="arras-siegwart"),
+        ExtractionConfig(fit="total-least-squares"),
         ExtractionConfig(
             min_points=2, min_length_m=1e-3, trim_points=0, trim_sigmas=0.0, split_sigmas=0.5, split_distance_mm=0.1
         ),
@@ -168,6 +207,7 @@ CONFIGS = st.sampled_from(
             corner_angle_min_deg=1e-3,
             corner_angle_max_deg=179.999,
             corner_gap_mm=1e6,
+            fit="cwlf",
             covariance="paper",
         ),
     ]

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from finite_difference import finite_difference
 
-from features import Corners, Mounting, extract, sensor_preset
+from features import Corners, LineForm, Mounting, extract, sensor_preset
 
 from .scenes import exact_scan, square
 
@@ -51,8 +51,9 @@ def test_a_list_of_lines_gives_lines(features):
     lines = features.lines
     assert len(lines) == len(list(lines)) == 4
     for k, each in enumerate(lines):
-        assert each.vertical == lines.vertical[k]
-        assert (each.slope, each.intercept, each.center) == tuple(lines.params[k])
+        assert isinstance(each.form, LineForm)
+        assert (each.form, each.center) == (lines.forms[k], lines.centers[k])
+        np.testing.assert_array_equal(each.params, lines.params[k])
         np.testing.assert_array_equal(each.cov, lines.covs[k])
         np.testing.assert_array_equal([each.start, each.end], lines.ends[k])
         assert each.count == lines.counts[k]

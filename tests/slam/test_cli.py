@@ -7,11 +7,12 @@ import subprocess
 import sys
 from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import pytest
 
+import slam.plot
 from drivers import CarmenLog, Frame
 from sim.run import SimulatedRun, room_run
 from slam.cli import main
@@ -275,3 +276,28 @@ def test_ctrl_c_leaves_a_complete_folder_of_what_was_done(
     assert metrics["interrupted"] is True
     assert 500 <= metrics["records"] <= 501
     assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
+
+
+def test_ctrl_c_while_the_folder_is_written_leaves_it_complete(
+    cwlf: Callable[..., Outcome], room_log: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    draw_map = slam.plot.draw_map
+
+    def interrupted_drawing(*arguments: Any) -> None:
+        signal.raise_signal(signal.SIGINT)
+        draw_map(*arguments)
+
+    monkeypatch.setattr(slam.plot, "draw_map", interrupted_drawing)
+    assert cwlf("run", room_log, "--limit", 2, "--out", tmp_path / "run").code == 0
+    assert {path.name for path in (tmp_path / "run").iterdir()} == FILES
+    assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
+
+
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="no /dev/full on this system")
+def test_output_that_cannot_be_written_is_one_line() -> None:
+    with open("/dev/full", "w") as full:
+        process = subprocess.run(
+            [sys.executable, "-m", "slam.cli", "config"], stdout=full, stderr=subprocess.PIPE, text=True, check=False
+        )
+    assert process.returncode == 1
+    assert process.stderr.splitlines() == ["cwlf-slam: [Errno 28] No space left on device"]

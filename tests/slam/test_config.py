@@ -21,6 +21,7 @@ sigma_range_mm = 33.0
 yaw_deg = 180.0
 upside_down = true
 [extraction]
+fit = "cwlf"
 covariance = "paper"
 [odometry]
 heading_per_turn_deg = 9.5

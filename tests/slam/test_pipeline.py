@@ -20,6 +20,8 @@ from sim.run import room_run
 from sim.world import World
 from sim.worlds import room
 from slam.config import SlamConfig, load_config
+from slam.errors import DivergedError
+from slam.graph import LandmarkGraph
 from slam.metrics import ate, match_landmarks
 from slam.pipeline import Slam
 from slam.result import SlamResult
@@ -199,6 +201,13 @@ def test_a_single_scan_finishes():
     assert len(result.points) > 900
 
 
+def test_a_range_of_zero_is_no_point_whatever_the_least_range():
+    sensor = CONFIG.sensor.model_copy(update={"range_min_m": 0.0})
+    scan = LaserScan(np.array([0.0, 1.0, 2.0]), np.array([-1.0, 0.0, 1.0]))
+    result = processed([Frame(1.0, pose(), scan)], CONFIG.model_copy(update={"sensor": sensor}))
+    np.testing.assert_allclose(np.hypot(*result.points.T), [1.0, 2.0])
+
+
 @pytest.mark.parametrize("empty", ["no beams", "no returns", "one wall"])
 def test_scans_without_features_follow_odometry(empty):
     scan = {
@@ -342,3 +351,33 @@ def test_the_beginning_of_the_intel_log_runs_through():
     assert len(result.landmarks) > 5
     # The filter does not run away from odometry, which is right to some metres over so short a way.
     assert ate(result.odometry, result.trajectory).rmse_m < 5.0
+
+
+def test_a_graph_without_solution_leaves_the_result_of_the_filter(
+    monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+):
+    source = room_run(4)
+    slam = Slam(SlamConfig.of_preset(source.sensor))
+    for number, frame in enumerate(source):
+        if number == 600:
+            break
+        slam.process(frame)
+
+    def unsolvable(*arguments: object) -> None:
+        raise DivergedError("the graph of 7 key frames has no unique solution")
+
+    monkeypatch.setattr(LandmarkGraph, "optimize", unsolvable)
+    result = slam.finish()
+    assert not result.metrics.graph_converged
+    assert "result is that of the filter" in caplog.text
+    assert len(result.landmarks) > 5
+    truth = Trajectory(source.stamps[:600], source.poses_world_robot[:600])
+    assert ate(truth, result.trajectory).rmse_m < 0.05
+
+
+def test_a_motion_beyond_all_numbers_is_a_divergence():
+    slam = Slam(SlamConfig.of_preset("sick-lms"))
+    empty = LaserScan(np.full(180, np.inf), np.radians(np.arange(-90.0, 90.0)))
+    slam.process(Frame(0.0, pose(), empty))
+    with pytest.raises(DivergedError, match="no longer finite"), np.errstate(all="ignore"):
+        slam.process(Frame(1.0, pose(1e200), empty))

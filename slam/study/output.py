@@ -1,0 +1,94 @@
+"""Files of a study: tables as CSV, summaries as JSON, settings as TOML."""
+
+import csv
+import json
+import math
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import tomlkit
+from pydantic import BaseModel
+
+from slam.errors import RunFolderError
+
+SETTINGS = "settings.toml"
+
+
+def write_csv(path: Path, rows: Sequence[Mapping[str, Any]]) -> None:
+    """Write rows of equal keys; floats with six digits, what is not known as an empty field.
+
+    Raises
+    ------
+    RunFolderError
+        The file cannot be written.
+    """
+    try:
+        with path.open("w", encoding="utf-8", newline="") as file:
+            writer = csv.writer(file, lineterminator="\n")
+            writer.writerow(rows[0])
+            writer.writerows([_field(value) for value in row.values()] for row in rows)
+    except OSError as error:
+        raise RunFolderError(f"{path}: cannot be written: {error.strerror or error}") from None
+
+
+def write_json(path: Path, value: Mapping[str, Any]) -> None:
+    """Write a summary; a number that is not known becomes null.
+
+    Raises
+    ------
+    RunFolderError
+        The file cannot be written.
+    """
+    _write(path, json.dumps(_known(value), indent=2, allow_nan=False) + "\n")
+
+
+def write_settings(
+    folder: Path, study: str, settings: BaseModel, tables: Mapping[str, BaseModel] | None = None
+) -> None:
+    """Write the effective settings of a study, each with its meaning and unit beside it.
+
+    Raises
+    ------
+    RunFolderError
+        The file cannot be written.
+    """
+    document = tomlkit.document()
+    document.add("study", tomlkit.item(study))
+    _fill(document, settings)
+    for name, model in (tables or {}).items():
+        table = tomlkit.table()
+        _fill(table, model)
+        document.add(name, table)
+    _write(folder / SETTINGS, tomlkit.dumps(document))
+
+
+def _fill(table: Any, model: BaseModel) -> None:
+    for name, field in type(model).model_fields.items():
+        item = tomlkit.item(getattr(model, name))
+        if field.description:
+            item.comment(field.description)
+        table.add(name, item)
+
+
+def _write(path: Path, text: str) -> None:
+    try:
+        path.write_text(text, encoding="utf-8")
+    except OSError as error:
+        raise RunFolderError(f"{path}: cannot be written: {error.strerror or error}") from None
+
+
+def _field(value: Any) -> Any:
+    if isinstance(value, float):
+        return f"{value:.6g}" if math.isfinite(value) else ""
+    return value
+
+
+def _known(value: Any) -> Any:
+    if isinstance(value, Mapping):
+        return {key: _known(item) for key, item in value.items()}
+    if isinstance(value, list | tuple):
+        return [_known(item) for item in value]
+    if isinstance(value, float):
+        return float(f"{value:.6g}") if math.isfinite(value) else None
+    return value

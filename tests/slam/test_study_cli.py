@@ -1,0 +1,79 @@
+"""The commands ``study`` and ``extract`` as a user meets them."""
+
+import sys
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from features.se2 import pose
+from sim import Lidar, room
+from slam.cli import main
+
+Call = Callable[..., tuple[int, str, str]]
+
+
+@pytest.fixture
+def cwlf(capfd: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> Call:
+    def call(*arguments: object) -> tuple[int, str, str]:
+        monkeypatch.setattr(sys, "argv", ["cwlf-slam", *map(str, arguments)])
+        with pytest.raises(SystemExit) as leaving:
+            main()
+        captured = capfd.readouterr()
+        return int(leaving.value.code or 0), captured.out, captured.err
+
+    return call
+
+
+@pytest.fixture
+def log(tmp_path: Path) -> Path:
+    """Three scans of the room by a scanner that sees 180 degrees."""
+    lidar, rng = Lidar.of_preset("sick-lms"), np.random.default_rng(0)
+    lines = []
+    for stamp in range(3):
+        ranges = np.minimum(lidar.scan(room(), pose(2.2, 1.7, 0.8), 0.0, rng).ranges, 81.83)
+        readings = " ".join(f"{value:.3f}" for value in ranges)
+        lines.append(f"FLASER 180 {readings} 0 0 0 0 0 0 {stamp} host {stamp}\n")
+    path = tmp_path / "room.log"
+    path.write_text("".join(lines))
+    return path
+
+
+def test_a_study_prints_its_summary_and_fills_its_folder(cwlf: Call, tmp_path: Path) -> None:
+    folder = tmp_path / "study"
+    command = ("study", "corners", "--environment", "A", "--scans", 3, "--sigma-range-mm", 10, "--out", folder)
+    code, out, _ = cwlf(*command)
+    assert code == 0
+    assert "23.02 / 18.27" in out
+    assert {path.name for path in folder.iterdir()} == {"corners.csv", "summary.json", "corners.png", "settings.toml"}
+    code, _, err = cwlf(*command)
+    assert code == 1
+    assert "--overwrite" in err
+    assert cwlf(*command, "--overwrite")[0] == 0
+
+
+def test_an_environment_that_is_not_there_is_bad_usage(cwlf: Call) -> None:
+    assert cwlf("study", "corners", "--environment", "C")[0] == 2
+    assert cwlf("study", "corners")[0] == 2
+
+
+def test_extract_prints_lines_and_corners_and_draws(cwlf: Call, log: Path, tmp_path: Path) -> None:
+    code, out, _ = cwlf("extract", log, "--scan", 2, "--plot", tmp_path / "scan.png")
+    assert code == 0
+    assert "stamp 2.000000, 180 beams" in out
+    assert "3 corners" in out
+    assert (tmp_path / "scan.png").read_bytes().startswith(b"\x89PNG")
+
+
+@pytest.mark.parametrize("number", [3, 1000])
+def test_a_scan_beyond_the_log_is_one_line(cwlf: Call, log: Path, number: int) -> None:
+    code, _, err = cwlf("extract", log, "--scan", number)
+    assert code == 1
+    assert err.strip() == f"cwlf-slam: room: there is no scan {number}: the log has 3, 0 to 2"
+
+
+def test_a_picture_that_cannot_be_written_is_one_line(cwlf: Call, log: Path, tmp_path: Path) -> None:
+    code, _, err = cwlf("extract", log, "--scan", 0, "--plot", tmp_path / "not-there" / "scan.png")
+    assert code == 1
+    assert len(err.strip().splitlines()) == 1

@@ -1,0 +1,90 @@
+"""Small seeded studies of corners: what they write, that a seed repeats them, and what they show."""
+
+import csv
+import json
+import tomllib
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from slam.study.corner_table import PAPER_MEANS_MM, corner_rows, summarise, summary_lines
+from slam.study.corners import CornerSettings, Found, Seen, scan_corners
+from slam.study.methods import METHODS
+from slam.study.report import study_corners
+
+KEYS = [method.key for method in METHODS]
+EVERYWHERE = [(environment, sigma) for environment in ("A", "B", "random") for sigma in (10.0, 20.0)]
+
+
+@pytest.fixture(scope="module", params=EVERYWHERE, ids=lambda param: f"{param[0]}-{param[1]:g}mm")
+def studied(request: pytest.FixtureRequest) -> tuple[CornerSettings, list[Seen], dict[str, Found]]:
+    environment, sigma = request.param
+    settings = CornerSettings(environment=environment, scans=150, sigma_range_mm=sigma, seed=3)
+    return settings, *scan_corners(settings)
+
+
+def test_the_default_errs_as_much_as_it_claims(studied: tuple[CornerSettings, list[Seen], dict[str, Found]]) -> None:
+    """Mean NEES/2 of 1000 corners and more has a standard deviation of 0.03 at most; the bounds are three of them."""
+    found = studied[2]["effective-variance"]
+    assert len(found.errors) > 900
+    true = ~found.false
+    assert 0.88 < found.nees[true].mean() / 2.0 < 1.14
+    assert (found.nees[true] > 9.21).mean() < 0.025
+    assert len(np.unique(found.scans[found.false])) <= 2
+
+
+def test_the_papers_covariance_promises_too_little(
+    studied: tuple[CornerSettings, list[Seen], dict[str, Found]],
+) -> None:
+    paper, propagated = studied[2]["cwlf-paper"], studied[2]["cwlf-propagated"]
+    assert paper.nees.mean() / 2.0 > 1.3
+    np.testing.assert_array_equal(paper.errors, propagated.errors)
+
+
+def test_the_default_is_no_less_accurate_than_any_other(
+    studied: tuple[CornerSettings, list[Seen], dict[str, Found]],
+) -> None:
+    """Within 5 %: the corners that one method reports and another does not are few, but among the worst."""
+    rms = {key: np.sqrt((lot.errors[~lot.false] ** 2).mean()) for key, lot in studied[2].items()}
+    assert rms["effective-variance"] <= 1.05 * min(rms.values())
+
+
+def test_tables_hold_what_was_found(studied: tuple[CornerSettings, list[Seen], dict[str, Found]]) -> None:
+    settings, seen, found = studied
+    rows = corner_rows(seen, found)
+    summary = summarise(settings, seen, found, rows)
+    corners = {"A": 23, "B": 15}.get(settings.environment)
+    for key in KEYS:
+        mine = [row for row in rows if row["method"] == key]
+        assert corners is None or len(mine) == corners
+        assert all(0.0 <= row["detected"] <= 1.0 for row in mine)
+        of = summary["methods"][key]
+        assert of["pooled"]["corners"] == (~found[key].false).sum()
+        assert 0.8 < of["detected_clear"] <= 1.0
+    paper = PAPER_MEANS_MM.get(settings.environment, {}).get("cwlf-paper")
+    assert summary["methods"]["cwlf-paper"]["paper_sigma_mm"] == (list(paper) if paper else None)
+    assert len(summary_lines(summary)) == len(KEYS) + 4
+
+
+def test_a_study_repeats_to_the_byte_and_says_how(tmp_path: Path) -> None:
+    settings = CornerSettings(environment="B", scans=5, seed=7)
+    for name in ("one", "two"):
+        (tmp_path / name).mkdir()
+        lines = study_corners(tmp_path / name, settings)
+    assert lines[0].startswith("environment B")
+    one, two = tmp_path / "one", tmp_path / "two"
+    for name in ("corners.csv", "summary.json", "settings.toml"):
+        assert (one / name).read_bytes() == (two / name).read_bytes()
+    assert (one / "corners.png").read_bytes().startswith(b"\x89PNG")
+    with (one / "corners.csv").open() as file:
+        rows = list(csv.DictReader(file))
+    assert len(rows) == len(KEYS) * 15
+    assert json.loads((one / "summary.json").read_text())["scans"] == 5
+    written = tomllib.loads((one / "settings.toml").read_text())
+    assert (written["environment"], written["seed"], written["extraction"]["fit"]) == ("B", 7, "effective-variance")
+
+
+def test_another_seed_gives_other_corners() -> None:
+    one, two = (scan_corners(CornerSettings(environment="room", scans=2, seed=seed))[1] for seed in (1, 2))
+    assert not np.array_equal(one["cwlf-paper"].errors, two["cwlf-paper"].errors)
