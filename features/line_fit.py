@@ -41,34 +41,10 @@ MOST_ITERATIONS = 20
 
 
 @njit(cache=True, error_model="numpy", fastmath=SUMS)
-def fit_rough(xs, ys, first, last, row):
-    """Fit the points first..last (inclusive) by total least squares, eq. 16-17, without a covariance."""
+def _moments(xs, ys, first, last):
+    """Return the mean x and y of the points first..last and the sums of x^2, y^2 and x y about them."""
     n = last - first + 1
-    x0 = xs[first]
-    y0 = ys[first]
-    sum_x = sum_y = sum_xx = sum_yy = sum_xy = 0.0
-    for i in range(first, last + 1):
-        x = xs[i] - x0
-        y = ys[i] - y0
-        sum_x += x
-        sum_y += y
-        sum_xx += x * x
-        sum_yy += y * y
-        sum_xy += x * y
-    s_xx = sum_xx - sum_x * sum_x / n
-    s_yy = sum_yy - sum_y * sum_y / n
-    s_xy = sum_xy - sum_x * sum_y / n
-    alpha = 0.5 * math.atan2(-2.0 * s_xy, s_yy - s_xx)
-    row[:] = 0.0
-    row[FORM] = POLAR
-    row[SLOPE] = alpha
-    row[INTERCEPT] = (x0 + sum_x / n) * math.cos(alpha) + (y0 + sum_y / n) * math.sin(alpha)
-
-
-@njit(cache=True, error_model="numpy", fastmath=SUMS)
-def fit_kernel(xs, ys, first, last, var_range, var_bearing, method, row):
-    """Fit the points first..last (inclusive) and fill ``row``; False where they do not define a line."""
-    n = last - first + 1
+    # About the first point, so that far from the sensor no digits are lost.
     x0 = xs[first]
     y0 = ys[first]
     sum_x = sum_y = sum_xx = sum_yy = sum_xy = 0.0
@@ -84,8 +60,26 @@ def fit_kernel(xs, ys, first, last, var_range, var_bearing, method, row):
     mean_y = sum_y / n
     spread_x = sum_xx - n * mean_x * mean_x
     spread_y = sum_yy - n * mean_y * mean_y
+    return x0 + mean_x, y0 + mean_y, spread_x, spread_y, sum_xy - n * mean_x * mean_y
+
+
+@njit(cache=True, error_model="numpy", fastmath=SUMS)
+def fit_rough(xs, ys, first, last, row):
+    """Fit the points first..last (inclusive) by total least squares, eq. 16-17, without a covariance."""
+    mean_x, mean_y, spread_x, spread_y, joint = _moments(xs, ys, first, last)
+    alpha = 0.5 * math.atan2(-2.0 * joint, spread_y - spread_x)
+    row[:] = 0.0
+    row[FORM] = POLAR
+    row[SLOPE] = alpha
+    row[INTERCEPT] = mean_x * math.cos(alpha) + mean_y * math.sin(alpha)
+
+
+@njit(cache=True, error_model="numpy", fastmath=SUMS)
+def fit_kernel(xs, ys, first, last, var_range, var_bearing, method, row):
+    """Fit the points first..last (inclusive) and fill ``row``; False where they do not define a line."""
+    mean_x, mean_y, spread_x, spread_y, joint = _moments(xs, ys, first, last)
     # Coinciding points leave a spread that is rounding error only.
-    if not max(spread_x, spread_y) > n * (1e-9 * (abs(x0) + abs(y0))) ** 2:
+    if not max(spread_x, spread_y) > (last - first + 1) * (1e-9 * (abs(mean_x) + abs(mean_y))) ** 2:
         return False
     if method in (ARRAS_SIEGWART, TOTAL_LEAST_SQUARES):
         return _fit_polar(xs, ys, first, last, var_range, var_bearing, method == ARRAS_SIEGWART, row)
@@ -93,9 +87,9 @@ def fit_kernel(xs, ys, first, last, var_range, var_bearing, method, row):
     u, v = (ys, xs) if steep else (xs, ys)
     row[FORM] = X_ON_Y if steep else Y_ON_X
     if method == EFFECTIVE_VARIANCE:
-        row[CENTER] = (mean_y + y0) if steep else (mean_x + x0)
-        row[INTERCEPT] = (mean_x + x0) if steep else (mean_y + y0)
-        row[SLOPE] = (sum_xy - n * mean_x * mean_y) / (spread_y if steep else spread_x)
+        row[CENTER] = mean_y if steep else mean_x
+        row[INTERCEPT] = mean_x if steep else mean_y
+        row[SLOPE] = joint / (spread_y if steep else spread_x)
         return _fit_effective(u, v, first, last, var_range, var_bearing, row)
     return _fit_cwlf(u, v, first, last, var_range, var_bearing, method == CWLF_PROPAGATED, row)
 
