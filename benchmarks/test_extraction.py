@@ -5,9 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from features.config import ExtractionConfig
+from features.config import METHODS, ExtractionConfig
 from features.extract import extract
-from features.line_fit import LINE_FIELDS, fit_kernel, method_number
+from features.feature import LINE_RECORD
+from features.fit_kernels import fit_kernel
 from features.se2 import pose
 from features.sensor import sensor_preset
 from sim.lidar import Lidar
@@ -55,10 +56,10 @@ def test_line_fit(benchmark, rng, fit, points):
     benchmark.group = f"line fit, {points} points"
     angles = np.linspace(-0.5, 0.5, points)
     ranges = 3.0 / np.cos(angles) + rng.normal(0.0, 0.02, points)
-    row = np.empty(LINE_FIELDS)
+    line = np.empty(1, LINE_RECORD)[0]
     xs, ys = ranges * np.cos(angles), ranges * np.sin(angles)
-    method = method_number(fit, "propagated")
-    assert benchmark(fit_kernel, xs, ys, 0, points - 1, 0.02**2, 0.002**2, method, row)
+    method = METHODS.index((fit, "propagated"))
+    assert benchmark(fit_kernel, xs, ys, 0.02**2, 0.002**2, method, line)
 
 
 @pytest.mark.parametrize("points", [10, 100, 1_000])

@@ -16,6 +16,15 @@ Covariance = Literal["propagated", "paper"]
 LineFit = Literal["effective-variance", "cwlf", "arras-siegwart", "total-least-squares"]
 """Line fits; the first is the default, docs/math.md says why."""
 
+METHODS: tuple[tuple[LineFit, Covariance], ...] = (
+    ("cwlf", "paper"),
+    ("cwlf", "propagated"),
+    ("arras-siegwart", "propagated"),
+    ("effective-variance", "propagated"),
+    ("total-least-squares", "propagated"),
+)
+"""Fits with the form of their covariance; the compiled kernels know a method by its place here."""
+
 
 class ExtractionConfig(BaseModel):
     """What counts as a segment, a line and a corner."""
@@ -56,7 +65,7 @@ class ExtractionConfig(BaseModel):
                 f"corner_angle_min_deg {self.corner_angle_min_deg:g} must be below "
                 f"corner_angle_max_deg {self.corner_angle_max_deg:g}"
             )
-        if self.covariance == "paper" and self.fit != "cwlf":
+        if (self.fit, self.covariance) not in METHODS:
             raise ValueError(f'covariance "paper" (eq. 31-32) belongs to fit "cwlf", not to {self.fit!r}')
         return self
 
@@ -75,12 +84,13 @@ class ExtractionConfig(BaseModel):
             corner_angle_min=math.radians(self.corner_angle_min_deg),
             corner_angle_max=math.radians(self.corner_angle_max_deg),
             corner_gap=self.corner_gap_mm * 1e-3,
+            method=METHODS.index((self.fit, self.covariance)),
         )
         return np.array(rules, dtype=np.float64)
 
 
 class Rules(NamedTuple):
-    """:class:`ExtractionConfig` in SI units [m, rad]; counts are whole numbers."""
+    """:class:`ExtractionConfig` in SI units [m, rad], the method as its place in :data:`METHODS`."""
 
     jump_angle: float
     gap_beams: float
@@ -93,3 +103,4 @@ class Rules(NamedTuple):
     corner_angle_min: float
     corner_angle_max: float
     corner_gap: float
+    method: int

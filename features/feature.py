@@ -65,42 +65,94 @@ class Corner:
     convex: bool
 
 
+LINE_RECORD = np.dtype(
+    [
+        ("form", np.int64),
+        ("params", np.float64, 2),
+        ("center", np.float64),
+        ("cov", np.float64, (2, 2)),
+        ("ends", np.float64, (2, 2)),
+        ("beams", np.int64, 2),
+        ("count", np.int64),
+    ]
+)
+"""A line as the compiled kernels fill it: the fields of :class:`Lines`."""
+
+CORNER_RECORD = np.dtype(
+    [
+        ("position", np.float64, 2),
+        ("cov", np.float64, (2, 2)),
+        ("opening_angle", np.float64),
+        ("orientation", np.float64),
+        ("convex", np.bool_),
+    ],
+    align=True,
+)
+"""A corner as the compiled kernels fill it: the fields of :class:`Corner`."""
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class Lines:
-    """The L lines of a scan; indexing and iterating give :class:`Line`.
+    """The L lines of a scan; indexing and iterating give :class:`Line`, its properties are views of the records.
 
     Parameters
     ----------
-    forms : a :class:`LineForm` each, shape (L,).
-    params : of each form, shape (L, 2), as in :class:`Line`.
-    centers : shape (L,) [m].
-    covs : of the parameters, shape (L, 2, 2).
-    ends : start and end, shape (L, 2, 2) [m].
-    beams : indices of the first and the last beam that were fitted, shape (L, 2); the first is larger than the last
-        where a line crosses the end of the scan or the scan runs clockwise.
-    counts : points of each line, shape (L,).
+    records : one :data:`LINE_RECORD` each, shape (L,).
     """
 
-    forms: NDArray[np.int64]
-    params: Array
-    centers: Array
-    covs: Array
-    ends: Array
-    beams: NDArray[np.int64]
-    counts: NDArray[np.int64]
+    records: NDArray[np.void]
+
+    @property
+    def forms(self) -> NDArray[np.int64]:
+        """A :class:`LineForm` each, shape (L,)."""
+        return self.records["form"]
+
+    @property
+    def params(self) -> Array:
+        """Parameters of each form, shape (L, 2), as in :class:`Line`."""
+        return self.records["params"]
+
+    @property
+    def centers(self) -> Array:
+        """Abscissae of the centroids, shape (L,) [m]."""
+        return self.records["center"]
+
+    @property
+    def covs(self) -> Array:
+        """Covariances of the parameters, shape (L, 2, 2)."""
+        return self.records["cov"]
+
+    @property
+    def ends(self) -> Array:
+        """Start and end, shape (L, 2, 2) [m]."""
+        return self.records["ends"]
+
+    @property
+    def beams(self) -> NDArray[np.int64]:
+        """Indices of the first and the last beam that were fitted, shape (L, 2).
+
+        The first is larger than the last where a line crosses the end of the scan or the scan runs clockwise.
+        """
+        return self.records["beams"]
+
+    @property
+    def counts(self) -> NDArray[np.int64]:
+        """Points of each line, shape (L,)."""
+        return self.records["count"]
 
     def __len__(self) -> int:
-        return self.counts.size
+        return self.records.size
 
     def __getitem__(self, index: int) -> Line:
+        record = self.records[index]
         return Line(
-            form=LineForm(self.forms[index]),
-            params=self.params[index],
-            center=float(self.centers[index]),
-            cov=self.covs[index],
-            start=self.ends[index, 0],
-            end=self.ends[index, 1],
-            count=int(self.counts[index]),
+            form=LineForm(record["form"]),
+            params=record["params"],
+            center=float(record["center"]),
+            cov=record["cov"],
+            start=record["ends"][0],
+            end=record["ends"][1],
+            count=int(record["count"]),
         )
 
     def __iter__(self) -> Iterator[Line]:
@@ -109,33 +161,69 @@ class Lines:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Corners:
-    """The K corners of a scan; indexing and iterating give :class:`Corner`.
+    """The K corners of a scan; indexing and iterating give :class:`Corner`, its properties are views of the records.
 
     Parameters
     ----------
-    positions : shape (K, 2) [m].
-    covs : shape (K, 2, 2) [m^2].
-    opening_angles : shape (K,) [rad].
-    orientations : shape (K,) [rad].
-    convex : shape (K,), bool.
+    records : one :data:`CORNER_RECORD` each, shape (K,).
     """
 
-    positions: Array
-    covs: Array
-    opening_angles: Array
-    orientations: Array
-    convex: NDArray[np.bool_]
+    records: NDArray[np.void]
+
+    @classmethod
+    def of(
+        cls,
+        positions: Array,
+        covs: Array,
+        opening_angles: Array,
+        orientations: Array,
+        convex: NDArray[np.bool_],
+    ) -> "Corners":
+        """Corners from an array for each property, of its shape."""
+        records = np.empty(len(positions), CORNER_RECORD)
+        records["position"] = positions
+        records["cov"] = covs
+        records["opening_angle"] = opening_angles
+        records["orientation"] = orientations
+        records["convex"] = convex
+        return cls(records)
+
+    @property
+    def positions(self) -> Array:
+        """Shape (K, 2) [m]."""
+        return self.records["position"]
+
+    @property
+    def covs(self) -> Array:
+        """Shape (K, 2, 2) [m^2]."""
+        return self.records["cov"]
+
+    @property
+    def opening_angles(self) -> Array:
+        """Angles between the two walls, shape (K,), 0 to pi [rad]."""
+        return self.records["opening_angle"]
+
+    @property
+    def orientations(self) -> Array:
+        """Directions of the bisectors, shape (K,) [rad]."""
+        return self.records["orientation"]
+
+    @property
+    def convex(self) -> NDArray[np.bool_]:
+        """Whether each points at the sensor, shape (K,)."""
+        return self.records["convex"]
 
     def __len__(self) -> int:
-        return self.convex.size
+        return self.records.size
 
     def __getitem__(self, index: int) -> Corner:
+        record = self.records[index]
         return Corner(
-            position=self.positions[index],
-            cov=self.covs[index],
-            opening_angle=float(self.opening_angles[index]),
-            orientation=float(self.orientations[index]),
-            convex=bool(self.convex[index]),
+            position=record["position"],
+            cov=record["cov"],
+            opening_angle=float(record["opening_angle"]),
+            orientation=float(record["orientation"]),
+            convex=bool(record["convex"]),
         )
 
     def __iter__(self) -> Iterator[Corner]:
@@ -145,7 +233,7 @@ class Corners:
         """Turn corners of the sensor frame into corners of the robot frame."""
         axes = mounting.axes
         bisectors = np.stack([np.cos(self.orientations), np.sin(self.orientations)], axis=-1) @ axes.T
-        return Corners(
+        return Corners.of(
             positions=mounting.points_to_robot(self.positions),
             covs=axes @ self.covs @ axes.T,
             opening_angles=self.opening_angles,

@@ -41,11 +41,12 @@ def assert_same_corners(found: Corners, expected: Corners):
 def moved(corners: Corners, axes):
     """Corners in a frame that is turned, or mirrored, by a matrix."""
     bisectors = np.column_stack([np.cos(corners.orientations), np.sin(corners.orientations)]) @ axes.T
-    return dataclasses.replace(
-        corners,
+    return Corners.of(
         positions=corners.positions @ axes.T,
         covs=axes @ corners.covs @ axes.T,
+        opening_angles=corners.opening_angles,
         orientations=np.arctan2(bisectors[:, 1], bisectors[:, 0]),
+        convex=corners.convex,
     )
 
 

@@ -77,7 +77,7 @@ def test_an_index_past_the_end_is_refused(features):
 
 
 def test_no_corners_stay_no_corners_on_the_robot():
-    none = Corners(np.empty((0, 2)), np.empty((0, 2, 2)), np.empty(0), np.empty(0), np.empty(0, bool))
+    none = Corners.of(np.empty((0, 2)), np.empty((0, 2, 2)), np.empty(0), np.empty(0), np.empty(0, bool))
     moved = none.to_robot(MOUNTINGS[-1])
     assert len(moved) == 0
     assert moved.covs.shape == (0, 2, 2)

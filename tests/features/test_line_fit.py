@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from scipy.optimize import least_squares, minimize
 
 from features import DegenerateSegmentError, LineForm, SensorModel, fit_cwlf, fit_line, intersect, sensor_preset
-from features.line_fit import misfit_scale
+from features.fit_kernels import misfit_scale
 from features.se2 import rotation, wrap_angle
 
 from . import extraction_twin

@@ -28,7 +28,7 @@ GATES = Gates(
 def corners(positions, openings=math.pi / 2, orientations=0.3, convex=False, sigma=SIGMA):
     positions = np.array(positions, dtype=np.float64).reshape(-1, 2)
     k = len(positions)
-    return Corners(
+    return Corners.of(
         positions,
         np.repeat(sigma**2 * np.eye(2)[None], k, axis=0),
         np.full(k, openings, dtype=np.float64),
@@ -38,7 +38,7 @@ def corners(positions, openings=math.pi / 2, orientations=0.3, convex=False, sig
 
 
 def joined(*parts):
-    return Corners(
+    return Corners.of(
         *(
             np.concatenate([getattr(part, name) for part in parts])
             for name in ("positions", "covs", "opening_angles", "orientations", "convex")
