@@ -5,7 +5,6 @@ from sim.lidar import Lidar
 from sim.odometry import WheelOdometry
 from sim.paper_worlds import ENVIRONMENT_A_POSE, ENVIRONMENT_B_POSE, environment_a, environment_b
 from sim.random_rooms import random_pose, random_room
-from sim.raycast import cast
 from sim.robot import Robot, Trajectory
 from sim.run import POOR_ODOMETRY, SimulatedRun, room_run
 from sim.visibility import VisibleSections, visible_corners, visible_sections
@@ -24,7 +23,6 @@ __all__ = [
     "WheelOdometry",
     "World",
     "WorldError",
-    "cast",
     "environment_a",
     "environment_b",
     "random_pose",

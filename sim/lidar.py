@@ -9,9 +9,8 @@ from typing import Self
 import numpy as np
 
 from features.scan import LaserScan
-from features.se2 import Array, Pose
+from features.se2 import Array, Pose, pose
 from features.sensor import Mounting, sensor_preset
-from sim.raycast import cast
 from sim.world import World
 
 _BEAMS: Mapping[str, tuple[Array, float]] = MappingProxyType(
@@ -113,10 +112,10 @@ class Lidar:
         x, y, heading = pose_world_robot
         mounting = self.mounting
         c, s = math.cos(heading), math.sin(heading)
-        origin = np.array([x + c * mounting.x - s * mounting.y, y + s * mounting.x + c * mounting.y])
+        origin = pose(x + c * mounting.x - s * mounting.y, y + s * mounting.x + c * mounting.y)
         turning = -1.0 if mounting.upside_down else 1.0
         directions = self.angles + self.sigma_bearing * rng.standard_normal(self.angles.size)
-        ranges, _ = cast(world.walls, origin, heading + mounting.theta + turning * directions)
+        ranges, _ = world.cast(origin, heading + mounting.theta + turning * directions)
         ranges += self.sigma_range * rng.standard_normal(ranges.size)
         ranges[(ranges < self.range_min) | (ranges > self.range_max)] = np.inf
         return LaserScan(ranges=ranges, angles=self.angles, stamp=stamp)
