@@ -1,4 +1,4 @@
-"""The beams of one scan, sorted into equal sectors of the turn, and what the nearest walls so far are."""
+"""The beams of one scan, sorted into sectors of the turn, and the walls laid on them."""
 
 import math
 
@@ -6,9 +6,13 @@ import numba
 import numpy as np
 
 BEAMS_PER_SECTOR = 4
-"""Of a full turn of beams, on average: more are tried in vain at the ends of walls, fewer need more sectors."""
+"""In a full turn, on average: with more, more beams are tried in vain at the ends of walls; with fewer, there are more
+sectors to sort into."""
 
 MAX_SECTORS = 4096
+
+BLOCK = 8
+"""Beams that stand next to each other once sorted and share one entry for the farthest of them."""
 
 _MARGIN = 1e-6
 """Widens what a wall or box covers, so that rounding never keeps a beam from being tried [turns]."""
@@ -74,38 +78,53 @@ def box_sectors(x_min, y_min, x_max, y_max, sectors):
 
 
 @numba.njit(cache=True, error_model="numpy")
-def hidden(far, first, last, distance):
+def hidden(firsts, far, first, last, distance):
     """Whether no beam from the first sector to the last reaches a squared distance [m^2]."""
-    nearest = distance * SLACK
     if first > last:
-        for k in range(np.uint64(first), np.uint64(far.size)):
-            if far[k] >= nearest:
-                return False
+        if not _hidden_slots(far, firsts[first], firsts[firsts.size - 2], distance):
+            return False
         first = np.uint32(0)
-    for k in range(np.uint64(first), np.uint64(last) + np.uint64(1)):
-        if far[k] >= nearest:
+    return _hidden_slots(far, firsts[first], firsts[last + np.uint32(1)], distance)
+
+
+@numba.njit(cache=True, error_model="numpy")
+def _hidden_slots(far, begin, end, distance):
+    """Whether no beam in the slots ``begin <= k < end`` reaches a squared distance [m^2]."""
+    if begin == end:
+        return True
+    first, last = _blocks(begin, end)
+    for block in range(first, last):  # noqa: SIM110, all() does not compile
+        if far[block] >= distance * SLACK:
             return False
     return True
 
 
 @numba.njit(cache=True, error_model="numpy")
-def lay(cosines, sines, ranges, hits, firsts, far, first, last, ax, ay, bx, by, wall):
-    """Try a wall on the beams from the first sector to the last, ``first <= last``, and keep what is nearer.
+def _blocks(begin, end):
+    """First block of the slots ``begin <= k < end``, and the one after their last; unsigned, as indices of loops."""
+    return np.uint64(begin) // np.uint64(BLOCK), (np.uint64(end) + np.uint64(BLOCK - 1)) // np.uint64(BLOCK)
 
-    Whether a beam hits is decided by the sides on which the wall's ends lie of it, and the hit is a point between them.
+
+@numba.njit(cache=True, error_model="numpy")
+def lay(cosines, sines, ranges, hits, far, begin, end, ax, ay, bx, by, wall):
+    """Try a wall on the beams in the slots ``begin <= k < end`` and keep what is nearer.
+
+    ``ranges`` is filled up to whole blocks with what is never the farthest; ``far`` holds squared ranges [m^2].
     Unsigned indices and no branch: so the compiler makes vector code of the loop.
     """
-    for i in range(np.uint64(firsts[first]), np.uint64(firsts[last + np.uint32(1)])):
+    for i in range(np.uint64(begin), np.uint64(end)):
         hit = hit_range(cosines[i], sines[i], ax, ay, bx, by)
         before, other = ranges[i], hits[i]
         nearer = (hit < before) | ((hit == before) & (wall < other))
         ranges[i] = hit if nearer else before
         hits[i] = wall if nearer else other
-    for k in range(np.uint64(first), np.uint64(last) + np.uint64(1)):
+    first, last = _blocks(begin, end)
+    for block in range(first, last):
         farthest = -1.0
-        for i in range(np.uint64(firsts[k]), np.uint64(firsts[k + np.uint64(1)])):
-            farthest = ranges[i] if ranges[i] > farthest else farthest
-        far[k] = farthest * abs(farthest)
+        for k in range(BLOCK):
+            each = ranges[block * np.uint64(BLOCK) + np.uint64(k)]
+            farthest = each if each > farthest else farthest
+        far[block] = farthest * farthest
 
 
 @numba.njit(cache=True, error_model="numpy")
@@ -123,7 +142,7 @@ def hit_range(c, s, ax, ay, bx, by):
 
 @numba.njit(cache=True, error_model="numpy")
 def _turn(x, y):
-    """Direction of (x, y) as a share of the turn, from -y on, 0 to 1: that of the square |x| + |y| = 1, not of a circle.
+    """Direction of (x, y) as a share of the turn, from -y on, 0 to 1; of the square |x| + |y| = 1, not of a circle.
 
     It grows with the angle, which is all that sorting needs, at the price of one division.
     """

@@ -5,8 +5,8 @@
 - Of walls that a beam hits at the same range, the one of the lowest number is hit.
 - A wall has no thickness and no inside: it is hit from either side, and a sensor within a closed polygon sees it from
   within.
-- A sensor on a wall (:data:`ON_WALL`) is covered by it, whichever way it looks: every range is 0. Of several walls it is
-  the one of the lowest number.
+- A sensor on a wall (:data:`ON_WALL`) is covered by it, whichever way it looks: every range is 0. Of several walls it
+  is the one of the lowest number.
 """
 
 import numba
@@ -14,7 +14,7 @@ import numpy as np
 import numpy.typing as npt
 
 from features.se2 import Array
-from sim.fan import SLACK, box_sectors, hidden, hit_range, lay, sector_count, sort_beams, wall_sectors
+from sim.fan import BLOCK, SLACK, box_sectors, hidden, hit_range, lay, sector_count, sort_beams, wall_sectors
 from sim.sincos import MAX_ANGLE, sincos
 from sim.wall_index import WallIndex
 
@@ -94,20 +94,21 @@ def _cast_fans(boxes, bounds, walls, ids, poses, angles):
     all_ids = np.empty((len(poses), n), np.int64)
     sectors = sector_count(n)
     cosines, sines, sorted_cosines, sorted_sines = np.empty(n), np.empty(n), np.empty(n), np.empty(n)
-    ranges = np.empty(n)
+    blocks = (n + BLOCK - 1) // BLOCK
+    ranges = np.empty(BLOCK * blocks)
     hits = np.empty(n, np.int64)
     slots = np.empty(n, np.uint32)
     firsts = np.empty(sectors + 2, np.uint32)
-    far = np.empty(sectors)
+    far = np.empty(blocks)
     stack, near = np.empty(_STACK, np.int64), np.empty(_STACK)
     for row in range(len(poses)):
         x, y, heading = poses[row, 0], poses[row, 1], poses[row, 2]
         if not (sincos(angles, heading, cosines, sines) and np.isfinite(x) and np.isfinite(y)):
             return all_ranges, all_ids, False
         sort_beams(cosines, sines, sorted_cosines, sorted_sines, slots, firsts)
-        for k in range(sectors):
-            far[k] = np.inf if firsts[k + 1] > firsts[k] else -1.0
-        ranges[:] = np.inf
+        far[:] = np.inf
+        ranges[:n] = np.inf
+        ranges[n:] = -1.0
         hits[:] = -1
         under = -1
         depth = 1
@@ -119,7 +120,7 @@ def _cast_fans(boxes, bounds, walls, ids, poses, angles):
                 first, last = box_sectors(
                     boxes[node, 0] - x, boxes[node, 1] - y, boxes[node, 2] - x, boxes[node, 3] - y, sectors
                 )
-                if hidden(far, first, last, near[depth]):
+                if hidden(firsts, far, first, last, near[depth]):
                     continue
             leaf = node - (bounds.size - 2)
             if leaf < 0:
@@ -132,13 +133,13 @@ def _cast_fans(boxes, bounds, walls, ids, poses, angles):
                     under = ids[k] if under < 0 else min(under, ids[k])
                     continue
                 first, last = wall_sectors(ax, ay, bx, by, sectors)
-                if hidden(far, first, last, distance):
+                if hidden(firsts, far, first, last, distance):
                     continue
+                begin, end = firsts[first], firsts[last + np.uint32(1)]
                 if first > last:
-                    end = np.uint32(sectors - 1)
-                    lay(sorted_cosines, sorted_sines, ranges, hits, firsts, far, first, end, ax, ay, bx, by, ids[k])
-                    first = np.uint32(0)
-                lay(sorted_cosines, sorted_sines, ranges, hits, firsts, far, first, last, ax, ay, bx, by, ids[k])
+                    lay(sorted_cosines, sorted_sines, ranges, hits, far, begin, np.uint32(n), ax, ay, bx, by, ids[k])
+                    begin = np.uint32(0)
+                lay(sorted_cosines, sorted_sines, ranges, hits, far, begin, end, ax, ay, bx, by, ids[k])
         for i in range(n):
             all_ranges[row, i] = ranges[slots[i]] if under < 0 else 0.0
             all_ids[row, i] = hits[slots[i]] if under < 0 else under
@@ -197,7 +198,9 @@ def _meets(boxes, node, x, y, c, s):
     dx, dy = boxes[node, 0] + half_x - x, boxes[node, 1] + half_y - y
     slack = 2.0 * ON_WALL + 1e-12 * (abs(dx) + abs(dy) + half_x + half_y)
     aside, ahead = c * dy - s * dx, c * dx + s * dy
-    return abs(aside) <= half_x * abs(s) + half_y * abs(c) + slack and -ahead <= half_x * abs(c) + half_y * abs(s) + slack
+    return (
+        abs(aside) <= half_x * abs(s) + half_y * abs(c) + slack and -ahead <= half_x * abs(c) + half_y * abs(s) + slack
+    )
 
 
 @numba.njit(cache=True, error_model="numpy")

@@ -10,7 +10,7 @@ _QUARTERS_PER_RADIAN = 2.0 / np.pi
 _QUARTER_1 = 1.57079632673412561417e00
 _QUARTER_2 = 6.07710050630396597660e-11
 _QUARTER_3 = 2.02226624879595063154e-21
-"""pi / 2 in three parts; the first two have 33 bits, so that their products with a whole number below 2^20 are exact."""
+"""pi / 2 in three parts; the first two have 33 bits: their products with a whole number below 2^20 are exact."""
 
 
 @numba.njit(cache=True, error_model="numpy")
@@ -49,6 +49,6 @@ def sincos(angles, offset, cosines, sines):
         c = sine if odd else cosine
         s = cosine if odd else sine
         phase = 0.25 * quarters - np.floor(0.25 * quarters)
-        cosines[i] = -c if phase == 0.25 or phase == 0.5 else c
+        cosines[i] = -c if abs(phase - 0.375) < 0.25 else c
         sines[i] = -s if phase >= 0.5 else s
     return outside == 0

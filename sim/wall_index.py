@@ -7,7 +7,7 @@ import numpy.typing as npt
 
 from features.se2 import Array
 
-LEAF = 4
+LEAF = 8
 """Walls in a leaf at most."""
 
 
