@@ -27,6 +27,15 @@ class Trajectory:
         """Time of each pose, shape (n,) [s]."""
         return np.arange(len(self.poses_world_robot)) / self.rate
 
+    def at(self, times: Array) -> Array:
+        """Poses at times of shape (n,) [s], shape (n, 3) [m, m, rad]: on the straight line between the two beside it.
+
+        Before the first pose and after the last the robot stands.
+        """
+        x, y, headings = self.poses_world_robot.T
+        columns = [np.interp(times, self.stamps, column) for column in (x, y, np.unwrap(headings))]
+        return np.column_stack([columns[0], columns[1], wrap_angle(columns[2])])
+
 
 @dataclass(frozen=True, slots=True)
 class Robot:

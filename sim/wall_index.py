@@ -28,14 +28,15 @@ class WallIndex(NamedTuple):
     ids: npt.NDArray[np.int64]
 
     @classmethod
-    def of(cls, walls: Array) -> Self:
-        """Build the tree over walls, shape (n, 4), n >= 0, world frame [m].
+    def of(cls, walls: Array, kept: npt.NDArray[np.bool_] | None = None) -> Self:
+        """Build the tree over walls, shape (n, 4), world frame [m], or over those that are ``kept``, shape (n,).
 
         Each node is halved at the median of the middles of its walls, along the longer side of their extent.
         """
-        n = len(walls)
+        numbers = np.arange(len(walls)) if kept is None else np.flatnonzero(kept)
+        n = len(numbers)
         levels = max(0, int(np.ceil(np.log2(max(n, 1) / LEAF))))
-        corners = walls.reshape(-1, 2, 2)
+        corners = walls[numbers].reshape(-1, 2, 2)
         middles = corners.sum(axis=1)
         ids = np.arange(n)
         for level in range(levels):
@@ -48,7 +49,7 @@ class WallIndex(NamedTuple):
             low, high = corners.min(axis=1)[ids], corners.max(axis=1)[ids]
             starts = [_bounds(n, level)[:-1] for level in range(levels + 1)]
             boxes = np.vstack([np.hstack([np.minimum.reduceat(low, k), np.maximum.reduceat(high, k)]) for k in starts])
-        return cls(boxes, _bounds(n, levels), np.ascontiguousarray(walls[ids]), ids)
+        return cls(boxes, _bounds(n, levels), walls[numbers[ids]], numbers[ids])
 
 
 def _bounds(n: int, level: int) -> npt.NDArray[np.int64]:

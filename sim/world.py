@@ -29,6 +29,7 @@ class World:
     corners : where exactly two walls end, not in one straight line, and no third one passes, shape (k, 2) [m].
     opening_angles : angle between the two walls of each corner, in (0, pi), shape (k,) [rad].
     corner_walls : indices of the two walls of each corner, ascending, shape (k, 2).
+    normals : unit normal of each wall, to the left of its direction, shape (n, 2).
 
     Raises
     ------
@@ -42,7 +43,9 @@ class World:
     corners: Array = field(init=False)
     opening_angles: Array = field(init=False)
     corner_walls: npt.NDArray[np.int64] = field(init=False)
+    normals: Array = field(init=False)
     _index: WallIndex = field(init=False, repr=False)
+    _solid_index: WallIndex = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
         walls = np.array(self.walls, dtype=np.float64, order="C")
@@ -63,7 +66,11 @@ class World:
         object.__setattr__(self, "corners", corners)
         object.__setattr__(self, "opening_angles", opening_angles)
         object.__setattr__(self, "corner_walls", corner_walls)
+        along = walls[:, 2:] - walls[:, :2]
+        normals = along[:, ::-1] * [-1.0, 1.0] / np.hypot(*along.T)[:, None]
+        object.__setattr__(self, "normals", normals)
         object.__setattr__(self, "_index", index)
+        object.__setattr__(self, "_solid_index", WallIndex.of(walls, ~glass) if glass.any() else index)
 
     def cast(self, pose_world_sensor: Pose, angles: Array) -> tuple[Array, WallIds]:
         """Range to the nearest wall along each beam; what counts as hit is said in :mod:`sim.raycast`.
@@ -90,9 +97,14 @@ class World:
         """As :meth:`cast` from each of many poses, shape (m, 3) [m, m, rad]; both results have shape (m, k)."""
         return cast_fans(self._index, poses_world_sensor, angles)
 
-    def cast_beams(self, poses_world_sensor: Array, angles: Array) -> tuple[Array, WallIds]:
-        """As :meth:`cast`, but each beam from where the sensor is then, shape (k, 3) [m, m, rad]."""
-        return cast_beams(self._index, poses_world_sensor, angles)
+    def cast_beams(
+        self, poses_world_sensor: Array, angles: Array, *, through_glass: bool = False
+    ) -> tuple[Array, WallIds]:
+        """As :meth:`cast`, but each beam from where the sensor is then, shape (k, 3) [m, m, rad].
+
+        With ``through_glass`` walls of glass are not there.
+        """
+        return cast_beams(self._solid_index if through_glass else self._index, poses_world_sensor, angles)
 
     @classmethod
     def from_polygons(cls, name: str, polygons: Sequence[npt.ArrayLike]) -> Self:
