@@ -9,7 +9,7 @@ from features.se2 import Array
 from features.sensor import Mounting
 from sim.effects import Effects
 from sim.lidar import Lidar, Measurement
-from sim.odometry import WheelOdometry
+from sim.odometry import Odometry, WheelOdometry
 from sim.person import Person
 from sim.robot import Robot, Trajectory
 from sim.world import World
@@ -68,7 +68,7 @@ class SimulatedRun:
         lidar: Lidar,
         sensor: str,
         trajectory: Trajectory,
-        odometry: WheelOdometry,
+        odometry: Odometry,
         seed: int,
         people: Sequence[Person] = (),
     ) -> None:

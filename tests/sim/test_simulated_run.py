@@ -10,8 +10,10 @@ from drivers.frame import Frame, FrameSource
 from features.sensor import Mounting
 from sim import (
     EFFECTS,
+    AlphaOdometry,
     Effects,
     Lidar,
+    OmniRobot,
     Person,
     Robot,
     SimulatedRun,
@@ -203,3 +205,12 @@ def test_room_run_takes_effects():
     found = next(run.measurements())
     assert found.scan.times is not None
     assert run.lidar.effects == EFFECTS["rplidar-s1"]
+
+
+def test_a_run_takes_any_robot_and_any_odometry():
+    trajectory = OmniRobot().drive([(2.2, 1.7, 0.0), (3.5, 1.7, 1.5)], 20.0)
+    odometry = AlphaOdometry(0.01, 0.01, 0.01, 0.01, omnidirectional=True)
+    run = SimulatedRun("omni", room(), Lidar.of_preset("rplidar-s1"), "rplidar-s1", trajectory, odometry, 0)
+    assert content(run) == content(run)
+    assert run.poses_world_robot[-1, 2] > 1.0
+    assert absolute_trajectory_error(run.poses_world_robot[:, :2], run.poses_odom_robot[:, :2]) > 1e-4
