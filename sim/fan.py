@@ -12,7 +12,10 @@ sectors to sort into."""
 MAX_SECTORS = 4096
 
 BLOCK = 8
-"""Beams that stand next to each other once sorted and share one entry for the farthest of them."""
+"""Beams that stand next to each other once sorted and share one entry for the farthest of them; a power of two."""
+
+_WHOLE = ~np.uint64(BLOCK - 1)
+"""Mask that rounds a slot down to the first one of its block."""
 
 _MARGIN = 1e-6
 """Widens what a wall or box covers, so that rounding never keeps a beam from being tried [turns]."""
@@ -107,12 +110,12 @@ def _blocks(begin, end):
 
 @numba.njit(cache=True, error_model="numpy")
 def lay(cosines, sines, ranges, hits, far, begin, end, ax, ay, bx, by, wall):
-    """Try a wall on the beams in the slots ``begin <= k < end`` and keep what is nearer.
+    """Try a wall on all beams of the blocks that hold the slots ``begin <= k < end``, and keep what is nearer.
 
-    ``ranges`` is filled up to whole blocks with what is never the farthest; ``far`` holds squared ranges [m^2].
-    Unsigned indices and no branch: so the compiler makes vector code of the loop.
+    ``far`` holds the squared range of the farthest beam of each block [m^2]. Unsigned indices, no branch and a whole
+    number of blocks: so the compiler makes vector code of the loop, with little left over.
     """
-    for i in range(np.uint64(begin), np.uint64(end)):
+    for i in range(np.uint64(begin) & _WHOLE, (np.uint64(end) + np.uint64(BLOCK - 1)) & _WHOLE):
         hit = hit_range(cosines[i], sines[i], ax, ay, bx, by)
         before, other = ranges[i], hits[i]
         nearer = (hit < before) | ((hit == before) & (wall < other))

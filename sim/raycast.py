@@ -93,10 +93,11 @@ def _cast_fans(boxes, bounds, walls, ids, poses, angles):
     all_ranges = np.empty((len(poses), n))
     all_ids = np.empty((len(poses), n), np.int64)
     sectors = sector_count(n)
-    cosines, sines, sorted_cosines, sorted_sines = np.empty(n), np.empty(n), np.empty(n), np.empty(n)
+    cosines, sines = np.empty(n), np.empty(n)
     blocks = (n + BLOCK - 1) // BLOCK
-    ranges = np.empty(BLOCK * blocks)
-    hits = np.empty(n, np.int64)
+    # What fills up the last block has no direction: it hits nothing, and is never the farthest.
+    sorted_cosines, sorted_sines = np.zeros(BLOCK * blocks), np.zeros(BLOCK * blocks)
+    ranges, hits = np.empty(BLOCK * blocks), np.empty(BLOCK * blocks, np.int64)
     slots = np.empty(n, np.uint32)
     firsts = np.empty(sectors + 2, np.uint32)
     far = np.empty(blocks)
