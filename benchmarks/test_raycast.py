@@ -1,4 +1,4 @@
-"""One scan of 920 beams among 100 to 10,000 walls, from 40 places in turn, beside all pairs in numpy.
+"""Scans of 920 beams among 100 to 10,000 walls, from ten places each, beside all pairs in numpy.
 
 Two kinds of world: a building (rooms of 4 m to 8 m with a door of 0.9 m in every inner wall, filled up with boxes of
 0.4 m to 1.2 m that stand in them at any angle), where a scan shows some 20 walls; and an open field of single walls,
@@ -15,6 +15,7 @@ from sim.world import World
 ANGLES = np.linspace(-np.pi, np.pi, 920, endpoint=False)
 COUNTS = [100, 1_000, 10_000]
 DOOR = 0.9
+SCANS = 10
 
 
 def building(count):
@@ -56,10 +57,9 @@ def field(count):
 
 
 def places(extent):
-    """Poses in the middle part of a world, in turn."""
-    rng = np.random.default_rng(1)
+    """Poses in the middle part of a world, shape (10, 3)."""
     low, high = np.append(0.2 * extent, -np.pi), np.append(0.8 * extent, np.pi)
-    return itertools.cycle(rng.uniform(low, high, (40, 3)))
+    return np.random.default_rng(1).uniform(low, high, (SCANS, 3))
 
 
 def cast_all_pairs(walls, pose, angles):
@@ -76,54 +76,55 @@ def cast_all_pairs(walls, pose, angles):
 
 def report_rate(benchmark):
     if benchmark.stats is not None:
-        benchmark.extra_info["million_rays_per_second"] = round(ANGLES.size / benchmark.stats.stats.median / 1e6, 2)
+        rays = SCANS * ANGLES.size
+        benchmark.extra_info["million_rays_per_second"] = round(rays / benchmark.stats.stats.median / 1e6, 2)
 
 
-@pytest.mark.parametrize("count", COUNTS)
-@pytest.mark.parametrize("make", [building, field])
-def test_cast(benchmark, make, count):
-    benchmark.group = f"ray casting, 920 beams, {make.__name__} of {count} walls"
+@pytest.fixture(
+    scope="module", params=itertools.product([building, field], COUNTS), ids=lambda p: f"{p[0].__name__}-{p[1]}"
+)
+def scene(request):
+    """World, poses and the group of its benchmarks."""
+    make, count = request.param
     world, extent = make(count)
-    poses = places(extent)
-    world.cast(next(poses), ANGLES)  # compiled before the rounds are counted
-    benchmark(lambda: world.cast(next(poses), ANGLES))
+    return world, places(extent), f"ray casting, {SCANS} scans of 920 beams, {make.__name__} of {count} walls"
+
+
+def test_cast(benchmark, scene):
+    """One scan after the other."""
+    world, poses, benchmark.group = scene
+    ranges = benchmark(lambda: [world.cast(pose, ANGLES)[0] for pose in poses])
     report_rate(benchmark)
-    pose = next(poses)
-    fair = 1e-9 * max(1.0, *extent)  # the plain solution subtracts coordinates of this size
-    np.testing.assert_allclose(
-        world.cast(pose, ANGLES)[0], cast_all_pairs(world.walls, pose, ANGLES), rtol=0, atol=fair
-    )
+    # The plain solution subtracts coordinates as large as the world.
+    fair = 1e-9 * max(1.0, abs(world.walls).max())
+    np.testing.assert_allclose(ranges[0], cast_all_pairs(world.walls, poses[0], ANGLES), rtol=0, atol=fair)
 
 
-@pytest.mark.parametrize("count", COUNTS)
-@pytest.mark.parametrize("make", [building, field])
-def test_cast_numpy_all_pairs(benchmark, make, count):
-    benchmark.group = f"ray casting, 920 beams, {make.__name__} of {count} walls"
-    world, extent = make(count)
-    poses = places(extent)
-    benchmark.pedantic(lambda: cast_all_pairs(world.walls, next(poses), ANGLES), rounds=5 if count > 1000 else 40)
-    report_rate(benchmark)
-
-
-@pytest.mark.benchmark(group="ray casting, 920 beams, building of 1000 walls")
-def test_cast_batch_of_40(benchmark):
-    """40 scans in one call."""
-    world, extent = building(1_000)
-    poses = np.array(list(itertools.islice(places(extent), 40)))
+def test_cast_batch(benchmark, scene):
+    """All scans in one call."""
+    world, poses, benchmark.group = scene
     ranges, _ = benchmark(world.cast_batch, poses, ANGLES)
-    assert ranges.shape == (40, 920)
+    report_rate(benchmark)
+    np.testing.assert_array_equal(ranges[-1], world.cast(poses[-1], ANGLES)[0])
 
 
-@pytest.mark.benchmark(group="ray casting, 920 beams, building of 1000 walls")
-def test_cast_beams(benchmark):
+def test_cast_beams(benchmark, scene):
     """Each beam from a pose of its own."""
-    world, extent = building(1_000)
-    poses = np.repeat(next(places(extent))[None], ANGLES.size, axis=0)
-    ranges, _ = benchmark(world.cast_beams, poses, ANGLES)
-    np.testing.assert_array_equal(ranges, world.cast(poses[0], ANGLES)[0])
+    world, poses, benchmark.group = scene
+    poses, angles = np.repeat(poses, ANGLES.size, axis=0), np.tile(ANGLES, SCANS)
+    ranges, _ = benchmark(world.cast_beams, poses, angles)
+    report_rate(benchmark)
+    np.testing.assert_array_equal(ranges[: ANGLES.size], world.cast(poses[0], ANGLES)[0])
 
 
-@pytest.mark.benchmark(group="index of 10000 walls")
+def test_cast_numpy_all_pairs(benchmark, scene):
+    world, poses, benchmark.group = scene
+    rounds = 2 if len(world.walls) > 1000 else 10
+    benchmark.pedantic(lambda: [cast_all_pairs(world.walls, pose, ANGLES) for pose in poses], rounds=rounds)
+    report_rate(benchmark)
+
+
+@pytest.mark.benchmark(group="a world of 10000 walls")
 def test_world_of_10000_walls(benchmark):
     """The index and the corners."""
     world, _ = building(10_000)
