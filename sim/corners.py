@@ -44,21 +44,24 @@ def find_corners(walls: Array, index: WallIndex) -> tuple[Array, Array, npt.NDAr
 def _meeting_walls(boxes, bounds, walls, ids, points):
     """Pair of walls, ascending, that each point lies on, shape (p, 2); -1 where they are not two."""
     pairs = np.full((len(points), 2), -1)
+    stack = np.empty(64, np.int64)
     for i in range(len(points)):
         x, y = points[i, 0], points[i, 1]
         low = high = -1
         met = 0
-        stack = [0]
-        while len(stack) > 0:
-            node = stack.pop()
+        depth = 1
+        stack[0] = 0
+        while depth > 0:
+            depth -= 1
+            node = stack[depth]
             if x < boxes[node, 0] - TOUCH or x > boxes[node, 2] + TOUCH:
                 continue
             if y < boxes[node, 1] - TOUCH or y > boxes[node, 3] + TOUCH:
                 continue
             leaf = node - (bounds.size - 2)
             if leaf < 0:
-                stack.append(2 * node + 1)
-                stack.append(2 * node + 2)
+                stack[depth], stack[depth + 1] = 2 * node + 1, 2 * node + 2
+                depth += 2
                 continue
             for k in range(bounds[leaf], bounds[leaf + 1]):
                 ax, ay, bx, by = walls[k, 0] - x, walls[k, 1] - y, walls[k, 2] - x, walls[k, 3] - y
