@@ -1,22 +1,27 @@
 """A 2D laser scanner and the noise of its beams."""
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from types import MappingProxyType
 from typing import Self
 
 import numpy as np
+import numpy.typing as npt
 
 from features.scan import LaserScan
 from features.se2 import Array, Pose
 from features.sensor import Mounting, sensor_preset
-from sim.raycast import cast
+from sim.effects import Effects, in_steps
+from sim.person import Person
+from sim.surroundings import Hits, cast_into, cos_incidence, mix_edges
 from sim.world import World
+
+_FULL_TURN = np.asarray(-math.pi + 2.0 * math.pi * np.arange(920) / 920.0, dtype=np.float64)
 
 _BEAMS: Mapping[str, tuple[Array, float]] = MappingProxyType(
     {
-        "rplidar-s1": (np.asarray(-math.pi + 2.0 * math.pi * np.arange(920) / 920.0, dtype=np.float64), 10.0),
+        "rplidar-s1": (_FULL_TURN, 10.0),
         "sick-lms": (np.asarray(np.radians(np.arange(-90.0, 90.0)), dtype=np.float64), 5.0),
     }
 )
@@ -24,22 +29,44 @@ _BEAMS: Mapping[str, tuple[Array, float]] = MappingProxyType(
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Lidar:
-    """A scanner that takes all beams of a scan at one instant.
+class Measurement:
+    """A scan and the truth about each of its beams, lost ones too; shape (n,) each.
 
     Parameters
     ----------
-    angles : nominal direction of each beam, sensor frame, shape (n,) [rad].
+    scan : as the sensor reports it.
+    ranges : exact range to what the beam met [m]; inf where it met nothing.
+    wall_ids : wall that the beam met; -1 where it met none.
+    person_ids : person that the beam met; -1 where it met none.
+    mixed : whether the reported range lies between two things that the edges of the beam met.
+    """
+
+    scan: LaserScan
+    ranges: Array
+    wall_ids: npt.NDArray[np.int64]
+    person_ids: npt.NDArray[np.int64]
+    mixed: npt.NDArray[np.bool_]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Lidar:
+    """A scanner with the noise of section III of the paper (eq. 1), and on top of it the effects that are asked for.
+
+    Parameters
+    ----------
+    angles : nominal direction of each beam in the order in which they are taken, sensor frame, shape (n,) [rad].
     sigma_range : standard deviation of a range [m].
     sigma_bearing : standard deviation of the direction of a beam [rad].
     range_min, range_max : a measured range outside of them is no return [m].
     rate : scans per second [Hz].
     mounting : where the sensor sits on the robot.
+    effects : what else happens to the beams; by default nothing.
 
     Raises
     ------
     ValueError
-        A sigma is negative, the rate is not positive, or the limits are not 0 <= range_min < range_max.
+        A sigma is negative, the rate is not positive, the limits are not 0 <= range_min < range_max, or a sweep takes
+        longer than a scan.
     """
 
     angles: Array
@@ -49,6 +76,7 @@ class Lidar:
     range_max: float
     rate: float
     mounting: Mounting = field(default_factory=Mounting)
+    effects: Effects = field(default_factory=Effects)
 
     def __post_init__(self) -> None:
         for name in ("sigma_range", "sigma_bearing"):
@@ -61,22 +89,30 @@ class Lidar:
             raise ValueError(
                 f"range_min {self.range_min:g}, range_max {self.range_max:g}: expected 0 <= range_min < range_max"
             )
+        if self.effects.sweep_time * self.rate > 1.0 + 1e-9:
+            raise ValueError(
+                f"sweep_time is {self.effects.sweep_time:g} s, but a scan is taken every {1.0 / self.rate:g} s"
+            )
 
     @classmethod
-    def of_preset(cls, name: str, mounting: Mounting | None = None) -> Self:
+    def of_preset(cls, name: str, mounting: Mounting | None = None, effects: Effects = Effects()) -> Self:  # noqa: B008, frozen
         """Scanner with the beams, the noise and the limits of a known sensor.
 
         Parameters
         ----------
-        name : ``rplidar-s1`` (920 beams over the full turn, 10 Hz) or ``sick-lms`` (180 beams from
-            -90 deg by 1 deg, 5 Hz).
+        name : ``rplidar-s1`` (920 beams over the full turn, 10 Hz), ``sick-lms`` (180 beams from -90 deg by 1 deg,
+            5 Hz), or ``ideal`` (the beams of the first, without noise or limits).
         mounting : where the sensor sits on the robot; by default at its origin, looking ahead.
+        effects : beside the noise of the paper; those of a sensor are ``sim.EFFECTS[name]``.
 
         Raises
         ------
         ValueError
             No preset has this name, or its beams are not known here.
         """
+        mounting = mounting if mounting is not None else Mounting()
+        if name == "ideal":
+            return cls(_FULL_TURN.copy(), 0.0, 0.0, 0.0, math.inf, 10.0, mounting, effects)
         model = sensor_preset(name)
         if name not in _BEAMS:
             raise ValueError(
@@ -90,11 +126,29 @@ class Lidar:
             range_min=model.range_min,
             range_max=model.range_max,
             rate=rate,
-            mounting=mounting if mounting is not None else Mounting(),
+            mounting=mounting,
+            effects=effects,
         )
 
+    @property
+    def times(self) -> Array:
+        """When each beam is taken, from the stamp of the scan on, shape (n,) [s]; the last one at the stamp."""
+        n = self.angles.size
+        return self.effects.sweep_time * (np.arange(1.0, n + 1.0) - n) / max(n, 1)
+
     def scan(self, world: World, pose_world_robot: Pose, stamp: float, rng: np.random.Generator) -> LaserScan:
-        """Measure the world from a pose, with the noise of section III of the paper.
+        """Measure the world as :meth:`measure` does, without the truth about the beams and without people."""
+        return self.measure(world, pose_world_robot, stamp, rng).scan
+
+    def measure(
+        self,
+        world: World,
+        poses_world_robot: Array,
+        stamp: float,
+        rng: np.random.Generator,
+        people: Sequence[Person] = (),
+    ) -> Measurement:
+        """Measure the world, with the noise of section III of the paper and the effects.
 
         The direction of each beam is disturbed before the ray is cast, its range after; the angle reported is the
         nominal one.
@@ -102,21 +156,59 @@ class Lidar:
         Parameters
         ----------
         world : the walls.
-        pose_world_robot : pose of the robot, shape (3,) [m, m, rad].
+        poses_world_robot : pose of the robot where it stands, shape (3,), or at each beam, which is taken at ``stamp``
+            + :attr:`times`, shape (n, 3) [m, m, rad].
         stamp : time of the scan [s].
         rng : source of the noise.
+        people : who is about.
 
         Returns
         -------
-        Scan in the sensor frame; a range outside the limits, and a beam that hits nothing, is inf.
+        Scan in the sensor frame with its truth; a range outside the limits, and a beam that hits nothing, is inf.
+
+        Raises
+        ------
+        ValueError
+            The poses have another shape, or are not finite.
         """
-        x, y, heading = pose_world_robot
+        effects, times = self.effects, self.times
+        poses = self._sensor_poses(np.asarray(poses_world_robot, dtype=np.float64))
+        turning = -1.0 if self.mounting.upside_down else 1.0
+
+        def cast(directions: Array) -> Hits:
+            return cast_into(world, people, effects.glass_incidence, poses, turning * directions, stamp + times)
+
+        directions = self.angles + self.sigma_bearing * rng.standard_normal(times.size)
+        echoes = effects.spread(directions, rng)
+        hits = cast(echoes)
+        ranges, mixed = hits.ranges, np.zeros(times.size, dtype=np.bool_)
+        if effects.mixed_share > 0.0:
+            half = effects.beam_width / 2.0
+            ranges, mixed = mix_edges(hits, cast(directions - half), cast(directions + half), effects.mixed_share, rng)
+        measured = ranges + effects.sigma(self.sigma_range, ranges) * rng.standard_normal(times.size)
+        if effects.lose_beams:
+            cosines = cos_incidence(world, people, hits, poses, turning * echoes, stamp + times)
+            measured[rng.random(times.size) >= effects.return_probability(ranges, cosines)] = np.inf
+        measured = in_steps(measured, effects.range_step)
+        measured[(measured < self.range_min) | (measured > self.range_max)] = np.inf
+        scan = LaserScan(
+            ranges=measured,
+            angles=in_steps(self.angles, effects.angle_step),
+            stamp=stamp,
+            times=times if effects.sweep_time > 0.0 else None,
+        )
+        return Measurement(scan, hits.ranges, hits.wall_ids, hits.person_ids, mixed)
+
+    def _sensor_poses(self, poses_world_robot: Array) -> Array:
+        """Pose of the sensor for each pose of the robot, shape (3,) or (n, 3), world frame [m, m, rad]."""
+        if poses_world_robot.shape not in {(3,), (self.angles.size, 3)}:
+            raise ValueError(
+                f"expected one pose of the robot, shape (3,), or one for each of {self.angles.size} beams, "
+                f"got shape {poses_world_robot.shape}"
+            )
         mounting = self.mounting
-        c, s = math.cos(heading), math.sin(heading)
-        origin = np.array([x + c * mounting.x - s * mounting.y, y + s * mounting.x + c * mounting.y])
-        turning = -1.0 if mounting.upside_down else 1.0
-        directions = self.angles + self.sigma_bearing * rng.standard_normal(self.angles.size)
-        ranges, _ = cast(world.walls, origin, heading + mounting.theta + turning * directions)
-        ranges += self.sigma_range * rng.standard_normal(ranges.size)
-        ranges[(ranges < self.range_min) | (ranges > self.range_max)] = np.inf
-        return LaserScan(ranges=ranges, angles=self.angles, stamp=stamp)
+        c, s = np.cos(poses_world_robot[..., 2]), np.sin(poses_world_robot[..., 2])
+        poses = poses_world_robot + np.array([0.0, 0.0, mounting.theta])
+        poses[..., 0] += c * mounting.x - s * mounting.y
+        poses[..., 1] += s * mounting.x + c * mounting.y
+        return poses

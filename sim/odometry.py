@@ -2,10 +2,19 @@
 
 import math
 from dataclasses import dataclass, fields
+from typing import Protocol
 
 import numpy as np
 
 from features.se2 import Array, wrap_angle
+
+
+class Odometry(Protocol):
+    """What makes odometry of a true motion."""
+
+    def record(self, poses_world_robot: Array, rng: np.random.Generator) -> Array:
+        """Odometry poses, shape (n, 3), of true poses, shape (n, 3) [m, m, rad]; the first one is the true one."""
+        ...
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,108 +1,221 @@
-"""Exact ranges from a point to the walls around it."""
+"""Exact ranges to the walls around one or many sensors.
 
-import math
+- A beam through a vertex hits: walls that share a vertex exactly leave no gap between them.
+- A beam along a wall hits its nearer end.
+- Of walls that a beam hits at the same range, the one of the lowest number is hit.
+- A wall has no thickness and no inside: it is hit from either side, and a sensor within a closed polygon sees it from
+  within.
+- A sensor on a wall (:data:`ON_WALL`) is covered by it, whichever way it looks: every range is 0. Of several walls it
+  is the one of the lowest number.
+"""
 
 import numba
 import numpy as np
 import numpy.typing as npt
 
 from features.se2 import Array
+from sim.fan import BLOCK, SLACK, box_sectors, hidden, hit_range, lay, sector_count, sort_beams, wall_sectors
+from sim.sincos import MAX_ANGLE, sincos
+from sim.wall_index import WallIndex
 
 ON_WALL = 1e-9
 """A sensor nearer to a wall than this stands on it [m]."""
 
-_MARGIN = 1e-6
-"""Widens the angular interval of a wall, so that rounding never keeps a beam from being tried [rad]."""
+_STACK = 64
+"""Depth of a tree of 2^62 leaves."""
+
+WallIds = npt.NDArray[np.int64]
 
 
-def cast(walls: Array, origin: Array, angles: Array) -> tuple[Array, npt.NDArray[np.int64]]:
-    """Range to the nearest wall along each beam.
+def cast_fans(index: WallIndex, poses_world_sensor: Array, angles: Array) -> tuple[Array, WallIds]:
+    """Range to the nearest wall along each beam of a scan from each pose.
 
-    The beams are put in order of direction, and each wall is tried only on the beams in its angular interval; whether
-    a beam hits is decided by the sides on which the wall's ends lie of it, and the hit is a point of the wall itself.
-
-    - A beam through a vertex hits: walls that share a vertex exactly leave no gap between them.
-    - A beam along a wall hits its nearer end.
-    - A sensor on a wall (:data:`ON_WALL`) is covered by it: every range is 0.
+    The tree is walked from the near to the far. A box or wall is left out where every beam that could reach it ends
+    before it, so that walls that cannot be seen cost next to nothing.
 
     Parameters
     ----------
-    walls : end points ``x1 y1 x2 y2``, shape (n, 4), world frame [m].
-    origin : position of the sensor, shape (2,), world frame [m].
-    angles : direction of each beam, in any order, world frame, shape (k,) [rad].
+    index : the walls.
+    poses_world_sensor : shape (m, 3) [m, m, rad].
+    angles : direction of each beam, in any order, sensor frame, shape (k,) [rad].
 
     Returns
     -------
-    ranges : shape (k,) [m]; inf where no wall is hit.
-    wall_ids : index of the wall that is hit, shape (k,); -1 where none is.
+    ranges : shape (m, k) [m]; inf where no wall is hit.
+    wall_ids : number of the wall that is hit, shape (m, k); -1 where none is.
 
     Raises
     ------
     ValueError
-        ``walls`` is not of shape (n, 4), ``origin`` not of (2,) or ``angles`` not of (k,), or one is not finite.
+        A shape is another, a value is not finite, or a beam points beyond 1e6 rad.
     """
-    walls = np.ascontiguousarray(walls, dtype=np.float64)
-    angles = np.asarray(angles, dtype=np.float64)
-    x, y = np.asarray(origin, dtype=np.float64)
-    if walls.ndim != 2 or walls.shape[1] != 4 or angles.ndim != 1:
-        raise ValueError(f"expected walls (n, 4) and angles (k,), got {walls.shape} and {angles.shape}")
-    if not (np.isfinite(walls).all() and np.isfinite(angles).all() and math.isfinite(x) and math.isfinite(y)):
-        raise ValueError("walls, origin and angles must be finite")
-    # As se2.wrap_angle, but a fifth of its time: there it would be a third of the whole cast.
-    headings = angles - 2.0 * math.pi * np.floor(angles / (2.0 * math.pi) + 0.5)
-    order = np.argsort(headings, kind="stable")
-    return _cast(walls, float(x), float(y), headings[order], order, np.cos(angles), np.sin(angles))
-
-
-@numba.njit(cache=True)
-def _cast(walls, x, y, headings, order, cosines, sines):
-    """Lay each wall on the beams of its angular interval; ``headings`` ascend, ``order`` names their beams."""
-    n = headings.size
-    ranges = np.full(n, np.inf)
-    wall_ids = np.full(n, -1)
-    for wall in range(walls.shape[0]):
-        ax, ay = walls[wall, 0] - x, walls[wall, 1] - y
-        bx, by = walls[wall, 2] - x, walls[wall, 3] - y
-        if _distance(ax, ay, bx, by) <= ON_WALL:
-            ranges[:] = 0.0
-            wall_ids[:] = wall
-            break
-        start = math.atan2(ay, ax)
-        width = math.atan2(ax * by - ay * bx, ax * bx + ay * by)
-        if width < 0.0:
-            start += width
-            width = -width
-        start -= _MARGIN
-        width += 2.0 * _MARGIN
-        if start < -math.pi:
-            start += 2.0 * math.pi
-        first = np.searchsorted(headings, start)
-        for k in range(n):
-            i = first + k
-            ahead = headings[i] - start if i < n else headings[i - n] - start + 2.0 * math.pi
-            if ahead > width:
-                break
-            beam = order[i if i < n else i - n]
-            c, s = cosines[beam], sines[beam]
-            side_a, side_b = c * ay - s * ax, c * by - s * bx
-            if (side_a > 0.0 and side_b > 0.0) or (side_a < 0.0 and side_b < 0.0):
-                continue
-            along_a, along_b = c * ax + s * ay, c * bx + s * by
-            if side_a == side_b:
-                hit = min(along_a, along_b)
-            else:
-                share = side_a / (side_a - side_b)
-                hit = (1.0 - share) * along_a + share * along_b
-            if 0.0 < hit < ranges[beam]:
-                ranges[beam] = hit
-                wall_ids[beam] = wall
+    poses = np.ascontiguousarray(poses_world_sensor, dtype=np.float64)
+    angles = np.ascontiguousarray(angles, dtype=np.float64)
+    if poses.ndim != 2 or poses.shape[1] != 3 or angles.ndim != 1:
+        raise ValueError(f"expected poses of shape (m, 3) and angles of (k,), got {poses.shape} and {angles.shape}")
+    ranges, wall_ids, usable = _cast_fans(*index, poses, angles)
+    if not usable:
+        raise ValueError(f"poses and angles must be finite, and no beam beyond {MAX_ANGLE:g} rad")
     return ranges, wall_ids
 
 
-@numba.njit(cache=True)
-def _distance(ax, ay, bx, by):
-    """Distance of the segment from a to b to the origin [m]."""
+def cast_beams(index: WallIndex, poses_world_sensor: Array, angles: Array) -> tuple[Array, WallIds]:
+    """Range to the nearest wall along single beams, each from a pose of its own.
+
+    Parameters
+    ----------
+    index : the walls.
+    poses_world_sensor : pose of the sensor at each beam, shape (k, 3) [m, m, rad].
+    angles : direction of each beam, sensor frame, shape (k,) [rad].
+
+    Returns
+    -------
+    ranges, wall_ids : as of :func:`cast_fans`, shape (k,).
+
+    Raises
+    ------
+    ValueError
+        A shape is another, a value is not finite, or a beam points beyond 1e6 rad.
+    """
+    poses = np.ascontiguousarray(poses_world_sensor, dtype=np.float64)
+    angles = np.ascontiguousarray(angles, dtype=np.float64)
+    if angles.ndim != 1 or poses.shape != (angles.size, 3):
+        raise ValueError(f"expected poses of shape (k, 3) and angles of (k,), got {poses.shape} and {angles.shape}")
+    ranges, wall_ids, usable = _cast_beams(*index, poses, poses[:, 2] + angles)
+    if not usable:
+        raise ValueError(f"poses and angles must be finite, and no beam beyond {MAX_ANGLE:g} rad")
+    return ranges, wall_ids
+
+
+@numba.njit(cache=True, error_model="numpy")
+def _cast_fans(boxes, bounds, walls, ids, poses, angles):
+    n = angles.size
+    all_ranges = np.empty((len(poses), n))
+    all_ids = np.empty((len(poses), n), np.int64)
+    sectors = sector_count(n)
+    cosines, sines = np.empty(n), np.empty(n)
+    blocks = (n + BLOCK - 1) // BLOCK
+    # What fills up the last block has no direction: it hits nothing, and is never the farthest.
+    sorted_cosines, sorted_sines = np.zeros(BLOCK * blocks), np.zeros(BLOCK * blocks)
+    ranges, hits = np.empty(BLOCK * blocks), np.empty(BLOCK * blocks, np.int64)
+    slots = np.empty(n, np.uint32)
+    firsts = np.empty(sectors + 2, np.uint32)
+    far = np.empty(blocks)
+    stack, near = np.empty(_STACK, np.int64), np.empty(_STACK)
+    for row in range(len(poses)):
+        x, y, heading = poses[row, 0], poses[row, 1], poses[row, 2]
+        if not (sincos(angles, heading, cosines, sines) and np.isfinite(x) and np.isfinite(y)):
+            return all_ranges, all_ids, False
+        sort_beams(cosines, sines, sorted_cosines, sorted_sines, slots, firsts)
+        far[:] = np.inf
+        ranges[:n] = np.inf
+        ranges[n:] = -1.0
+        hits[:] = -1
+        under = -1
+        depth = 1
+        stack[0], near[0] = 0, 0.0
+        while depth > 0:
+            depth -= 1
+            node = stack[depth]
+            if near[depth] > ON_WALL * ON_WALL:
+                first, last = box_sectors(
+                    boxes[node, 0] - x, boxes[node, 1] - y, boxes[node, 2] - x, boxes[node, 3] - y, sectors
+                )
+                if hidden(firsts, far, first, last, near[depth]):
+                    continue
+            leaf = node - (bounds.size - 2)
+            if leaf < 0:
+                depth = _push_children(boxes, node, x, y, stack, near, depth)
+                continue
+            for k in range(bounds[leaf], bounds[leaf + 1]):
+                ax, ay, bx, by = walls[k, 0] - x, walls[k, 1] - y, walls[k, 2] - x, walls[k, 3] - y
+                distance = _squared_distance(ax, ay, bx, by)
+                if distance <= ON_WALL * ON_WALL:
+                    under = ids[k] if under < 0 else min(under, ids[k])
+                    continue
+                first, last = wall_sectors(ax, ay, bx, by, sectors)
+                if hidden(firsts, far, first, last, distance):
+                    continue
+                begin, end = firsts[first], firsts[last + np.uint32(1)]
+                if first > last:
+                    lay(sorted_cosines, sorted_sines, ranges, hits, far, begin, np.uint32(n), ax, ay, bx, by, ids[k])
+                    begin = np.uint32(0)
+                lay(sorted_cosines, sorted_sines, ranges, hits, far, begin, end, ax, ay, bx, by, ids[k])
+        for i in range(n):
+            all_ranges[row, i] = ranges[slots[i]] if under < 0 else 0.0
+            all_ids[row, i] = hits[slots[i]] if under < 0 else under
+    return all_ranges, all_ids, True
+
+
+@numba.njit(cache=True, error_model="numpy")
+def _cast_beams(boxes, bounds, walls, ids, poses, directions):
+    n = directions.size
+    ranges, hits = np.full(n, np.inf), np.full(n, -1)
+    cosines, sines = np.empty(n), np.empty(n)
+    if not sincos(directions, 0.0, cosines, sines):
+        return ranges, hits, False
+    stack, near = np.empty(_STACK, np.int64), np.empty(_STACK)
+    for i in range(n):
+        x, y, c, s = poses[i, 0], poses[i, 1], cosines[i], sines[i]
+        if not (np.isfinite(x) and np.isfinite(y)):
+            return ranges, hits, False
+        depth = 1
+        stack[0], near[0] = 0, 0.0
+        while depth > 0:
+            depth -= 1
+            node = stack[depth]
+            if near[depth] * SLACK > ranges[i] * ranges[i] + ON_WALL * ON_WALL or not _meets(boxes, node, x, y, c, s):
+                continue
+            leaf = node - (bounds.size - 2)
+            if leaf < 0:
+                depth = _push_children(boxes, node, x, y, stack, near, depth)
+                continue
+            for k in range(bounds[leaf], bounds[leaf + 1]):
+                ax, ay, bx, by = walls[k, 0] - x, walls[k, 1] - y, walls[k, 2] - x, walls[k, 3] - y
+                on_wall = _squared_distance(ax, ay, bx, by) <= ON_WALL * ON_WALL
+                hit = 0.0 if on_wall else hit_range(c, s, ax, ay, bx, by)
+                if hit < ranges[i] or (hit == ranges[i] and ids[k] < hits[i]):
+                    ranges[i], hits[i] = hit, ids[k]
+    return ranges, hits, True
+
+
+@numba.njit(cache=True, error_model="numpy")
+def _push_children(boxes, node, x, y, stack, near, depth):
+    """Push both children with their squared distances, the nearer one on top; the new depth of the stack."""
+    left, right = 2 * node + 1, 2 * node + 2
+    near_left, near_right = _box_distance(boxes, left, x, y), _box_distance(boxes, right, x, y)
+    if near_left < near_right:
+        left, right = right, left
+        near_left, near_right = near_right, near_left
+    stack[depth], near[depth] = left, near_left
+    stack[depth + 1], near[depth + 1] = right, near_right
+    return depth + 2
+
+
+@numba.njit(cache=True, error_model="numpy")
+def _meets(boxes, node, x, y, c, s):
+    """Whether a box, widened by a little more than rounding, meets the beam from (x, y) in direction (c, s)."""
+    half_x, half_y = 0.5 * (boxes[node, 2] - boxes[node, 0]), 0.5 * (boxes[node, 3] - boxes[node, 1])
+    dx, dy = boxes[node, 0] + half_x - x, boxes[node, 1] + half_y - y
+    slack = 2.0 * ON_WALL + 1e-12 * (abs(dx) + abs(dy) + half_x + half_y)
+    aside, ahead = c * dy - s * dx, c * dx + s * dy
+    return (
+        abs(aside) <= half_x * abs(s) + half_y * abs(c) + slack and -ahead <= half_x * abs(c) + half_y * abs(s) + slack
+    )
+
+
+@numba.njit(cache=True, error_model="numpy")
+def _box_distance(boxes, node, x, y):
+    """Squared distance of a point to a box [m^2]."""
+    dx = max(boxes[node, 0] - x, 0.0, x - boxes[node, 2])
+    dy = max(boxes[node, 1] - y, 0.0, y - boxes[node, 3])
+    return dx * dx + dy * dy
+
+
+@numba.njit(cache=True, error_model="numpy")
+def _squared_distance(ax, ay, bx, by):
+    """Squared distance of the wall from a to b to the origin [m^2]."""
     ex, ey = bx - ax, by - ay
-    square = ex * ex + ey * ey
-    share = min(1.0, max(0.0, -(ax * ex + ay * ey) / square)) if square > 0.0 else 0.0
-    return math.hypot(ax + share * ex, ay + share * ey)
+    share = min(1.0, max(0.0, -(ax * ex + ay * ey) / (ex * ex + ey * ey)))
+    dx, dy = ax + share * ex, ay + share * ey
+    return dx * dx + dy * dy

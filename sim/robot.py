@@ -1,4 +1,4 @@
-"""A differential-drive robot that drives from waypoint to waypoint."""
+"""Robots that drive from waypoint to waypoint: with a differential drive, and in any direction."""
 
 import math
 from dataclasses import dataclass
@@ -27,10 +27,19 @@ class Trajectory:
         """Time of each pose, shape (n,) [s]."""
         return np.arange(len(self.poses_world_robot)) / self.rate
 
+    def at(self, times: Array) -> Array:
+        """Poses at times of shape (n,) [s], shape (n, 3) [m, m, rad]: on the straight line between the two beside it.
+
+        Before the first pose and after the last the robot stands.
+        """
+        x, y, headings = self.poses_world_robot.T
+        columns = [np.interp(times, self.stamps, column) for column in (x, y, np.unwrap(headings))]
+        return np.column_stack([columns[0], columns[1], wrap_angle(columns[2])])
+
 
 @dataclass(frozen=True, slots=True)
 class Robot:
-    """Limits of the motion.
+    """A differential drive and the limits of its motion.
 
     Parameters
     ----------
@@ -53,10 +62,7 @@ class Robot:
     reach: float = 0.15
 
     def __post_init__(self) -> None:
-        for name in ("speed", "acceleration", "turn_rate", "turn_acceleration", "reach"):
-            value = getattr(self, name)
-            if not (math.isfinite(value) and value > 0.0):
-                raise ValueError(f"{name} is {value:g}: a limit must be positive and finite")
+        _check_limits(self)
 
     def drive(self, waypoints: npt.ArrayLike, rate: float) -> Trajectory:
         """Drive through all waypoints and stop within reach of the last.
@@ -75,16 +81,9 @@ class Robot:
             There are fewer than two waypoints, two in a row are nearer than ``reach``, or the rate is not positive.
         """
         points = np.asarray(waypoints, dtype=np.float64)
-        if points.ndim != 2 or points.shape[1] != 2 or len(points) < 2 or not np.isfinite(points).all():
+        if points.shape[1:] != (2,):
             raise ValueError(f"expected at least two finite waypoints of shape (n, 2), got shape {points.shape}")
-        legs = np.hypot(*np.diff(points, axis=0).T)
-        if (legs <= self.reach).any():
-            near = int((legs <= self.reach).argmax())
-            raise ValueError(
-                f"waypoints {near} and {near + 1} are {legs[near]:g} m apart: expected more than the reach"
-            )
-        if not (math.isfinite(rate) and rate > 0.0):
-            raise ValueError(f"rate is {rate:g}: expected poses per second")
+        _check_waypoints(points, self.reach, rate)
         return Trajectory(rate, np.array(self._steps(points.tolist(), 1.0 / rate)))
 
     def _steps(self, points: list[list[float]], dt: float) -> list[tuple[float, float, float]]:
@@ -112,13 +111,108 @@ class Robot:
 
         ``stop`` is the distance in which to come to rest [m], ``error`` the direction of the waypoint ahead [rad].
         """
-        # Braking wants four fifths of what the limit allows, so that the step behind is made up for.
-        braking = math.sqrt(1.6 * self.acceleration * stop)
-        wanted_speed = min(self.speed * max(0.0, math.cos(error)), braking)
-        turn_braking = math.sqrt(2.0 * self.turn_acceleration * abs(error))
-        wanted_turn = math.copysign(min(self.turn_rate, 0.5 * turn_braking, 4.0 * abs(error)), error)
-        change, turn_change = self.acceleration * dt, self.turn_acceleration * dt
-        return (
-            speed + min(max(wanted_speed - speed, -change), change),
-            turn_rate + min(max(wanted_turn - turn_rate, -turn_change), turn_change),
-        )
+        wanted_speed = min(self.speed * max(0.0, math.cos(error)), _braking_speed(self.acceleration, stop))
+        change = self.acceleration * dt
+        return speed + min(max(wanted_speed - speed, -change), change), _turn_towards(self, turn_rate, error, dt)
+
+
+@dataclass(frozen=True, slots=True)
+class OmniRobot:
+    """A base that drives in any direction and turns as it likes, and the limits of its motion.
+
+    Parameters
+    ----------
+    speed : largest speed, in any direction [m/s].
+    acceleration : largest change of the velocity, in any direction [m/s^2].
+    turn_rate : largest turn rate [rad/s].
+    turn_acceleration : largest change of the turn rate [rad/s^2].
+    reach : a waypoint nearer than this has been reached [m].
+
+    Raises
+    ------
+    ValueError
+        A limit is not positive.
+    """
+
+    speed: float = 0.5
+    acceleration: float = 0.5
+    turn_rate: float = 1.0
+    turn_acceleration: float = 3.0
+    reach: float = 0.15
+
+    def __post_init__(self) -> None:
+        _check_limits(self)
+
+    def drive(self, waypoints: npt.ArrayLike, rate: float) -> Trajectory:
+        """Drive through all waypoints and stop within reach of the last.
+
+        The robot starts on the first one, at rest. On its way to a waypoint it turns to the heading given with it,
+        independently of where it drives; where the way is too short for that, it goes on as it has come.
+
+        Parameters
+        ----------
+        waypoints : shape (n, 3), n >= 2, each farther than ``reach`` from the one before, world frame [m, m, rad].
+        rate : steps, and poses, per second [Hz].
+
+        Raises
+        ------
+        ValueError
+            There are fewer than two waypoints, two in a row are nearer than ``reach``, or the rate is not positive.
+        """
+        points = np.asarray(waypoints, dtype=np.float64)
+        if points.shape[1:] != (3,):
+            raise ValueError(f"expected at least two finite waypoints of shape (n, 3), got shape {points.shape}")
+        _check_waypoints(points, self.reach, rate)
+        return Trajectory(rate, np.array(self._steps(points.tolist(), 1.0 / rate)))
+
+    def _steps(self, points: list[list[float]], dt: float) -> list[tuple[float, float, float]]:
+        """Poses [m, m, rad] every ``dt`` [s] from the first point to a stop at the last."""
+        x, y, heading = points[0]
+        vx = vy = turn_rate = 0.0
+        poses = [(x, y, wrap_angle(heading))]
+        for index, (goal_x, goal_y, goal_heading) in enumerate(points[1:], start=1):
+            last = index == len(points) - 1
+            while (distance := math.hypot(goal_x - x, goal_y - y)) > self.reach:
+                stop = distance - self.reach if last else math.inf
+                wanted = min(self.speed, _braking_speed(self.acceleration, stop)) / distance
+                change_x, change_y = wanted * (goal_x - x) - vx, wanted * (goal_y - y) - vy
+                share = min(1.0, self.acceleration * dt / max(math.hypot(change_x, change_y), 1e-12))
+                vx, vy = vx + share * change_x, vy + share * change_y
+                turn_rate = _turn_towards(self, turn_rate, wrap_angle(goal_heading - heading), dt)
+                x, y, heading = x + vx * dt, y + vy * dt, heading + turn_rate * dt
+                poses.append((x, y, wrap_angle(heading)))
+        return poses
+
+
+def _check_limits(robot: Robot | OmniRobot) -> None:
+    for name in ("speed", "acceleration", "turn_rate", "turn_acceleration", "reach"):
+        value = getattr(robot, name)
+        if not (math.isfinite(value) and value > 0.0):
+            raise ValueError(f"{name} is {value:g}: a limit must be positive and finite")
+
+
+def _check_waypoints(points: Array, reach: float, rate: float) -> None:
+    if len(points) < 2 or not np.isfinite(points).all():
+        raise ValueError(f"expected at least two finite waypoints, got shape {points.shape}")
+    legs = np.hypot(*np.diff(points[:, :2], axis=0).T)
+    if (legs <= reach).any():
+        near = int((legs <= reach).argmax())
+        raise ValueError(f"waypoints {near} and {near + 1} are {legs[near]:g} m apart: expected more than the reach")
+    if not (math.isfinite(rate) and rate > 0.0):
+        raise ValueError(f"rate is {rate:g}: expected poses per second")
+
+
+def _braking_speed(acceleration: float, stop: float) -> float:
+    """Speed [m/s] from which to come to rest in ``stop`` [m].
+
+    It takes four fifths of what the limit allows, so that the step behind is made up for.
+    """
+    return math.sqrt(1.6 * acceleration * stop)
+
+
+def _turn_towards(robot: Robot | OmniRobot, turn_rate: float, error: float, dt: float) -> float:
+    """Turn rate of the next step [rad/s], to make a heading error of ``error`` vanish without going past it."""
+    braking = math.sqrt(2.0 * robot.turn_acceleration * abs(error))
+    wanted = math.copysign(min(robot.turn_rate, 0.5 * braking, 4.0 * abs(error)), error)
+    change = robot.turn_acceleration * dt
+    return turn_rate + min(max(wanted - turn_rate, -change), change)

@@ -1,14 +1,16 @@
 """A simulated run: frames as any source yields them, and the truth beside them."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 
 from drivers.frame import Frame
 from features.se2 import Array
 from features.sensor import Mounting
-from sim.lidar import Lidar
-from sim.odometry import WheelOdometry
+from sim.effects import Effects
+from sim.lidar import Lidar, Measurement
+from sim.odometry import Odometry, WheelOdometry
+from sim.person import Person
 from sim.robot import Robot, Trajectory
 from sim.world import World
 from sim.worlds import room, room_waypoints
@@ -43,6 +45,7 @@ class SimulatedRun:
     trajectory : the true motion; its rate is a whole multiple of the lidar's.
     odometry : errors of the wheels.
     seed : of all randomness of the run.
+    people : who is about.
 
     Attributes
     ----------
@@ -50,7 +53,7 @@ class SimulatedRun:
     poses_world_robot : true pose of each frame, shape (n, 3) [m, m, rad].
     poses_odom_robot : odometry pose of each frame, shape (n, 3) [m, m, rad]; the first is the true first pose.
     has_scan : whether each frame has a scan, shape (n,).
-    world, lidar, name, sensor : as given.
+    world, lidar, name, sensor, people : as given.
 
     Raises
     ------
@@ -65,8 +68,9 @@ class SimulatedRun:
         lidar: Lidar,
         sensor: str,
         trajectory: Trajectory,
-        odometry: WheelOdometry,
+        odometry: Odometry,
         seed: int,
+        people: Sequence[Person] = (),
     ) -> None:
         every = round(trajectory.rate / lidar.rate)
         if every < 1 or abs(every * lidar.rate - trajectory.rate) > 1e-9 * trajectory.rate:
@@ -79,6 +83,8 @@ class SimulatedRun:
         self.world = world
         self.lidar = lidar
         self.sensor = sensor
+        self.people = tuple(people)
+        self._trajectory = trajectory
         self.stamps: Array = trajectory.stamps
         self.poses_world_robot: Array = trajectory.poses_world_robot
         self.poses_odom_robot: Array = odometry.record(self.poses_world_robot, np.random.default_rng(odometry_seed))
@@ -101,16 +107,29 @@ class SimulatedRun:
 
     def __iter__(self) -> Iterator[Frame]:
         """Yield the frames in the order of their stamps."""
-        rng = np.random.default_rng(self._lidar_seed)
+        measurements = self.measurements()
         for index, stamp in enumerate(self.stamps.tolist()):
-            scan = None
-            if self.has_scan[index]:
-                scan = self.lidar.scan(self.world, self.poses_world_robot[index], stamp, rng)
+            scan = next(measurements).scan if self.has_scan[index] else None
             self._yielded = index + 1
             yield Frame(stamp=stamp, pose_odom_robot=self.poses_odom_robot[index].copy(), scan=scan)
 
+    def measurements(self) -> Iterator[Measurement]:
+        """Yield the scans of the frames that have one, in their order, each with the truth about its beams."""
+        rng = np.random.default_rng(self._lidar_seed)
+        for index in np.flatnonzero(self.has_scan).tolist():
+            stamp = float(self.stamps[index])
+            poses = self.poses_world_robot[index]
+            if self.lidar.effects.sweep_time > 0.0:
+                poses = self._trajectory.at(stamp + self.lidar.times)
+            yield self.lidar.measure(self.world, poses, stamp, rng, self.people)
 
-def room_run(seed: int, preset: str = "rplidar-s1", mounting: Mounting | None = None) -> SimulatedRun:
+
+def room_run(
+    seed: int,
+    preset: str = "rplidar-s1",
+    mounting: Mounting | None = None,
+    effects: Effects = Effects(),  # noqa: B008, frozen
+) -> SimulatedRun:
     """Two rounds through the room with odometry that drifts by metres, though hardly at all from scan to scan.
 
     Parameters
@@ -118,6 +137,7 @@ def room_run(seed: int, preset: str = "rplidar-s1", mounting: Mounting | None = 
     seed : of all randomness of the run.
     preset : sensor to carry: ``rplidar-s1`` or ``sick-lms``.
     mounting : where the sensor sits on the robot; by default at its origin, looking ahead.
+    effects : of the sensor beside the noise of the paper; by default none.
 
     Raises
     ------
@@ -127,7 +147,7 @@ def room_run(seed: int, preset: str = "rplidar-s1", mounting: Mounting | None = 
     return SimulatedRun(
         name=f"room-{seed}",
         world=room(),
-        lidar=Lidar.of_preset(preset, mounting),
+        lidar=Lidar.of_preset(preset, mounting, effects),
         sensor=preset,
         trajectory=Robot().drive(room_waypoints(), ROOM_ODOMETRY_RATE),
         odometry=POOR_ODOMETRY,

@@ -6,8 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from features.se2 import Array, Pose
-from sim.raycast import cast
+from features.se2 import Array, Pose, pose
 from sim.world import World
 
 _ROUNDING = 1e-9
@@ -66,7 +65,7 @@ def visible_sections(world: World, pose_world_sensor: Pose, beams: int = 920) ->
         raise ValueError(f"beams is {beams}: expected at least 1")
     origin = np.asarray(pose_world_sensor[:2], dtype=np.float64)
     angles = _directions(pose_world_sensor, beams)
-    ranges, wall_ids = cast(world.walls, origin, angles)
+    ranges, wall_ids = world.cast(pose(*origin), angles)
     first = np.flatnonzero((wall_ids != np.roll(wall_ids, 1)) & (wall_ids >= 0))
     last = np.flatnonzero((wall_ids != np.roll(wall_ids, -1)) & (wall_ids >= 0))
     if len(first) == 0 and wall_ids[0] >= 0:  # the sensor stands on a wall, which covers every beam

@@ -7,14 +7,11 @@ from typing import Self
 import numpy as np
 import numpy.typing as npt
 
-from features.se2 import Array
+from features.se2 import Array, Pose
+from sim.corners import TOUCH, find_corners
 from sim.errors import WorldError
-
-TOUCH = 1e-9
-"""Walls nearer to each other than this meet [m]."""
-
-STRAIGHT = 1e-6
-"""Two walls whose directions differ by less than this are one straight wall [rad]."""
+from sim.raycast import WallIds, cast_beams, cast_fans
+from sim.wall_index import WallIndex
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -25,24 +22,30 @@ class World:
     ----------
     name : short name, fit for a folder.
     walls : end points ``x1 y1 x2 y2`` of each wall, shape (n, 4), n >= 1 [m].
+    glass : whether each wall is of glass, shape (n,); where it is not given, none is.
 
     Attributes
     ----------
     corners : where exactly two walls end, not in one straight line, and no third one passes, shape (k, 2) [m].
     opening_angles : angle between the two walls of each corner, in (0, pi), shape (k,) [rad].
     corner_walls : indices of the two walls of each corner, ascending, shape (k, 2).
+    normals : unit normal of each wall, to the left of its direction, shape (n, 2).
 
     Raises
     ------
     WorldError
-        There is no wall, a coordinate is not finite, or a wall has no length.
+        There is no wall, a coordinate is not finite, a wall has no length, or there is not one flag for each wall.
     """
 
     name: str
     walls: Array
+    glass: npt.NDArray[np.bool_] = field(default_factory=lambda: np.zeros(0, dtype=np.bool_))
     corners: Array = field(init=False)
     opening_angles: Array = field(init=False)
     corner_walls: npt.NDArray[np.int64] = field(init=False)
+    normals: Array = field(init=False)
+    _index: WallIndex = field(init=False, repr=False)
+    _solid_index: WallIndex = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
         walls = np.array(self.walls, dtype=np.float64, order="C")
@@ -53,11 +56,55 @@ class World:
                 raise WorldError(f"world {self.name!r}: wall {index} has a coordinate that is not finite: {wall}")
             if np.hypot(wall[2] - wall[0], wall[3] - wall[1]) <= TOUCH:
                 raise WorldError(f"world {self.name!r}: wall {index} has no length: it starts and ends at {wall[:2]}")
-        corners, opening_angles, corner_walls = _corners(walls)
+        glass = np.array(self.glass, dtype=np.bool_) if len(self.glass) else np.zeros(len(walls), dtype=np.bool_)
+        if glass.shape != (len(walls),):
+            raise WorldError(f"world {self.name!r}: {len(walls)} walls, but flags of glass of shape {glass.shape}")
+        index = WallIndex.of(walls)
+        corners, opening_angles, corner_walls = find_corners(walls, index)
         object.__setattr__(self, "walls", walls)
+        object.__setattr__(self, "glass", glass)
         object.__setattr__(self, "corners", corners)
         object.__setattr__(self, "opening_angles", opening_angles)
         object.__setattr__(self, "corner_walls", corner_walls)
+        along = walls[:, 2:] - walls[:, :2]
+        normals = along[:, ::-1] * [-1.0, 1.0] / np.hypot(*along.T)[:, None]
+        object.__setattr__(self, "normals", normals)
+        object.__setattr__(self, "_index", index)
+        object.__setattr__(self, "_solid_index", WallIndex.of(walls, ~glass) if glass.any() else index)
+
+    def cast(self, pose_world_sensor: Pose, angles: Array) -> tuple[Array, WallIds]:
+        """Range to the nearest wall along each beam; what counts as hit is said in :mod:`sim.raycast`.
+
+        Parameters
+        ----------
+        pose_world_sensor : shape (3,) [m, m, rad].
+        angles : direction of each beam, in any order, sensor frame, shape (k,) [rad].
+
+        Returns
+        -------
+        ranges : shape (k,) [m]; inf where no wall is hit.
+        wall_ids : index of the wall that is hit, shape (k,); -1 where none is.
+
+        Raises
+        ------
+        ValueError
+            A shape is another, a value is not finite, or a beam points beyond 1e6 rad.
+        """
+        ranges, wall_ids = cast_fans(self._index, np.asarray(pose_world_sensor)[None], angles)
+        return ranges[0], wall_ids[0]
+
+    def cast_batch(self, poses_world_sensor: Array, angles: Array) -> tuple[Array, WallIds]:
+        """As :meth:`cast` from each of many poses, shape (m, 3) [m, m, rad]; both results have shape (m, k)."""
+        return cast_fans(self._index, poses_world_sensor, angles)
+
+    def cast_beams(
+        self, poses_world_sensor: Array, angles: Array, *, through_glass: bool = False
+    ) -> tuple[Array, WallIds]:
+        """As :meth:`cast`, but each beam from where the sensor is then, shape (k, 3) [m, m, rad].
+
+        With ``through_glass`` walls of glass are not there.
+        """
+        return cast_beams(self._solid_index if through_glass else self._index, poses_world_sensor, angles)
 
     @classmethod
     def from_polygons(cls, name: str, polygons: Sequence[npt.ArrayLike]) -> Self:
@@ -100,35 +147,3 @@ def _polygon_walls(name: str, index: int, polygon: npt.ArrayLike) -> Array:
             "each vertex is given once, the first one too"
         )
     return np.hstack([vertices, ends])
-
-
-def _corners(walls: Array) -> tuple[Array, Array, npt.NDArray[np.int64]]:
-    """Corners, shape (k, 2) [m], their opening angles, shape (k,) [rad], and their walls, shape (k, 2).
-
-    They are in the order in which the walls mention them.
-    """
-    starts, ends = walls[:, :2], walls[:, 2:]
-    along = ends - starts
-    corners: list[Array] = []
-    opening_angles: list[float] = []
-    corner_walls: list[npt.NDArray[np.int64]] = []
-    points = walls.reshape(-1, 2)
-    for index, point in enumerate(points):
-        if (np.hypot(*(points[:index] - point).T) <= TOUCH).any():
-            continue
-        share = np.clip(((point - starts) * along).sum(axis=1) / (along**2).sum(axis=1), 0.0, 1.0)
-        meets = np.flatnonzero(np.hypot(*(starts + share[:, None] * along - point).T) <= TOUCH)
-        if len(meets) != 2 or not all(min(share[k], 1.0 - share[k]) * np.hypot(*along[k]) <= TOUCH for k in meets):
-            continue
-        first, second = (along[k] if share[k] < 0.5 else -along[k] for k in meets)
-        cross, dot = first[0] * second[1] - first[1] * second[0], first @ second
-        opening_angle = abs(float(np.arctan2(cross, dot)))
-        if STRAIGHT < opening_angle < np.pi - STRAIGHT:
-            corners.append(point)
-            opening_angles.append(opening_angle)
-            corner_walls.append(meets)
-    return (
-        np.array(corners).reshape(-1, 2),
-        np.array(opening_angles),
-        np.array(corner_walls, dtype=np.int64).reshape(-1, 2),
-    )

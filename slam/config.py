@@ -93,6 +93,9 @@ class OdometryConfig(_Section):
 class FrontEndConfig(_Section):
     """EKF and data association."""
 
+    deskew: bool = Field(
+        default=True, description="undo the motion during a scan by odometry, where the times of its beams are known"
+    )
     update_distance_m: float = Field(
         default=0.1, ge=0.0, description="motion after which corners update the filter again [m]"
     )

@@ -18,6 +18,7 @@ from features.scan import LaserScan
 from features.se2 import Array, Pose, compose, transform
 from slam.association import Association, Gates, associate
 from slam.config import SlamConfig
+from slam.deskew import deskew_by_odometry
 from slam.ekf import LandmarkEkf
 from slam.errors import DivergedError
 from slam.graph import GraphEstimate, LandmarkGraph, Observations
@@ -120,8 +121,11 @@ class Slam:
         self._predict(frame.stamp, self._checked(frame))
         if frame.scan is None:
             return Step(frame.stamp, self.pose)
+        scan = frame.scan
         with self._timed("extract"):
-            features = extract(frame.scan, self._sensor, self.config.extraction)
+            if self.config.front_end.deskew:
+                scan = deskew_by_odometry(scan, self._sensor, self._stamps, self._poses_odom)
+            features = extract(scan, self._sensor, self.config.extraction)
             corners_robot = features.corners.to_robot(self._sensor.mounting)
         association = None
         key_frame_due = self._key_frame_due()
@@ -130,7 +134,7 @@ class Slam:
                 association, landmarks = self._update(corners_robot)
             if key_frame_due:
                 with self._timed("back_end"):
-                    self._add_key_frame(frame.scan, features, corners_robot, landmarks)
+                    self._add_key_frame(scan, features, corners_robot, landmarks)
         self._online.append((frame.stamp, self.pose))
         return Step(frame.stamp, self.pose, features, association)
 

@@ -52,6 +52,15 @@ def test_the_readme_has_no_snippet_that_is_not_run() -> None:
     assert len(SNIPPETS) == 2
 
 
+def test_the_snippet_of_the_simulator_page_runs() -> None:
+    snippets = re.findall(
+        r"```python\n(.*?)```", (ROOT / "docs" / "simulator.md").read_text(encoding="utf-8"), re.DOTALL
+    )
+    names: dict[str, object] = {}
+    exec(compile("\n".join(snippets), "simulator.md", "exec"), names)
+    assert (names["found"].person_ids == 0).any()  # type: ignore[attr-defined]
+
+
 def test_every_example_runs(log: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
     arguments = {"map_a_log.py": [str(log), str(log.parent / "run")], "corners_of_a_scan.py": []}
     examples = sorted((ROOT / "examples").glob("*.py"))

@@ -4,7 +4,7 @@ import numpy as np
 
 from features import LaserScan
 from features.se2 import Array, inverse, rotation, transform
-from sim import Lidar, World, cast
+from sim import Lidar, World
 
 FULL_TURN = np.asarray(-np.pi + 2.0 * np.pi * np.arange(920) / 920.0)
 HALF_TURN = np.asarray(np.radians(np.arange(-90.0, 90.5, 0.5)))
@@ -14,7 +14,7 @@ def exact_scan(
     world: World, angles: Array = FULL_TURN, pose: tuple[float, float, float] = (0.0, 0.0, 0.0)
 ) -> LaserScan:
     """Scan without noise, of a sensor at ``pose``."""
-    ranges, _ = cast(world.walls, np.array(pose[:2]), angles + pose[2])
+    ranges, _ = world.cast(np.array(pose), angles)
     return LaserScan(ranges, angles)
 
 

@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from features import LaserScan, extract, sensor_preset
-from sim import World, cast, room
+from sim import World, room
 
 from .laws import law
 from .scenes import FULL_TURN, HALF_TURN, corners_in_sensor_frame, exact_scan, polygon, square
@@ -234,7 +234,7 @@ def test_a_turn_whose_last_beam_repeats_the_first_has_no_gap():
 def test_the_gap_rule_does_not_depend_on_where_angles_are_wrapped():
     """Half a turn that looks backwards, its angles wrapped to -pi..pi: three beams are missing in the corner."""
     angles = np.radians(np.arange(-90.0, 90.0))
-    ranges, _ = cast(square(turn=math.pi / 4.0, half=math.sqrt(2.0)).walls, np.zeros(2), angles)
+    ranges, _ = square(turn=math.pi / 4.0, half=math.sqrt(2.0)).cast(np.zeros(3), angles)
     ranges[88:91] = np.inf
     backwards = angles + math.pi
     plain = extract(LaserScan(ranges, backwards), MODEL)

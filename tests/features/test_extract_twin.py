@@ -114,7 +114,8 @@ def test_clockwise_shuffled_and_missing_beams(seed):
 
 
 @pytest.mark.parametrize("fit", FITS)
-@pytest.mark.parametrize("turn", [0.0, 0.4, 0.8])
+# At exactly 45 degrees rounding alone decides which axis is regressed.
+@pytest.mark.parametrize("turn", [0.0, 0.4, 0.785])
 def test_a_closed_contour(turn, fit):
     """Its break at the cut moves within the two ends of the contour."""
     world = square(turn=turn, shift=(0.3, -0.2))

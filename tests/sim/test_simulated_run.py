@@ -1,11 +1,27 @@
 """A simulated run: a source of frames like any other, and the truth beside it."""
 
+import dataclasses
+import itertools
+
 import numpy as np
 import pytest
 
 from drivers.frame import Frame, FrameSource
 from features.sensor import Mounting
-from sim import Lidar, Robot, SimulatedRun, WheelOdometry, room, room_run
+from sim import (
+    EFFECTS,
+    AlphaOdometry,
+    Effects,
+    Lidar,
+    OmniRobot,
+    Person,
+    Robot,
+    SimulatedRun,
+    Trajectory,
+    WheelOdometry,
+    room,
+    room_run,
+)
 
 SEEDS = range(30)
 
@@ -137,3 +153,64 @@ def test_room_run_lasts_as_long_as_a_person_waits():
     run = room_run(0)
     assert 60.0 < run.stamps[-1] < 90.0
     assert len(run) == pytest.approx(50.0 * run.stamps[-1] + 1.0)
+
+
+def test_a_sweep_is_cast_along_the_true_motion():
+    """While driving at 0.5 m/s, each beam is taken from where the robot was at its time."""
+    effects = Effects(sweep_time=0.1)
+    trajectory = Robot().drive([(2.2, 1.7), (4.5, 1.7)], 50.0)
+    scanner = dataclasses.replace(Lidar.of_preset("ideal"), effects=effects)
+    run = SimulatedRun("sweep", room(), scanner, "rplidar-s1", trajectory, WheelOdometry(), 0)
+    index = int(np.flatnonzero(run.has_scan)[20])
+    scan = list(run)[index].scan
+    assert scan is not None
+    assert scan.times is not None
+    poses = trajectory.at(scan.stamp + scan.times)
+    assert np.hypot(*(poses[-1] - poses[0])[:2]) > 0.04
+    np.testing.assert_array_equal(scan.ranges, room().cast_beams(poses, scan.angles)[0])
+    np.testing.assert_allclose(poses[-1], run.poses_world_robot[index], rtol=0.0, atol=1e-12)
+
+
+def test_before_the_first_pose_the_robot_stood():
+    trajectory = Robot().drive([(2.2, 1.7), (4.5, 1.7)], 50.0)
+    poses = trajectory.at(np.array([-1.0, 0.0, 0.01, 1e3]))
+    first, second, last = trajectory.poses_world_robot[[0, 1, -1]]
+    np.testing.assert_allclose(poses, [first, first, (first + second) / 2.0, last], rtol=0.0, atol=1e-12)
+
+
+def test_headings_are_interpolated_the_short_way_round():
+    trajectory = Trajectory(1.0, np.array([[0.0, 0.0, 3.1], [0.0, 0.0, -3.1]]))
+    assert abs(trajectory.at(np.array([0.5]))[0, 2]) == pytest.approx(np.pi)
+
+
+def test_measurements_are_the_scans_of_the_frames_with_their_truth():
+    run = short_run()
+    scans = [frame.scan for frame in run if frame.scan is not None]
+    measurements = list(run.measurements())
+    assert len(measurements) == len(scans)
+    for scan, found in zip(scans, measurements, strict=True):
+        np.testing.assert_array_equal(scan.ranges, found.scan.ranges)
+        assert (found.wall_ids >= 0).all()
+
+
+def test_people_of_a_run_are_seen():
+    person = Person([(3.0, 1.0), (3.0, 2.5)])
+    trajectory = Robot().drive([(2.2, 1.7), (3.5, 1.7)], 20.0)
+    run = SimulatedRun("busy", room(), Lidar.of_preset("ideal"), "rplidar-s1", trajectory, WheelOdometry(), 0, [person])
+    assert all((found.person_ids == 0).sum() > 20 for found in itertools.islice(run.measurements(), 5))
+
+
+def test_room_run_takes_effects():
+    run = room_run(1, effects=EFFECTS["rplidar-s1"])
+    found = next(run.measurements())
+    assert found.scan.times is not None
+    assert run.lidar.effects == EFFECTS["rplidar-s1"]
+
+
+def test_a_run_takes_any_robot_and_any_odometry():
+    trajectory = OmniRobot().drive([(2.2, 1.7, 0.0), (3.5, 1.7, 1.5)], 20.0)
+    odometry = AlphaOdometry(0.01, 0.01, 0.01, 0.01, omnidirectional=True)
+    run = SimulatedRun("omni", room(), Lidar.of_preset("rplidar-s1"), "rplidar-s1", trajectory, odometry, 0)
+    assert content(run) == content(run)
+    assert run.poses_world_robot[-1, 2] > 1.0
+    assert absolute_trajectory_error(run.poses_world_robot[:, :2], run.poses_odom_robot[:, :2]) > 1e-4

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 import shapely
 
-from sim import Robot, cast, room, room_waypoints
+from sim import Robot, room, room_waypoints
 
 
 @pytest.fixture(scope="module")
@@ -58,5 +58,5 @@ def test_path_sees_every_wall(path):
     """Some scan has at least 20 of the RPLIDAR's 920 beams on each wall."""
     world = room()
     angles = np.linspace(-np.pi, np.pi, 920, endpoint=False)
-    beams = np.array([np.bincount(cast(world.walls, pose[:2], angles)[1], minlength=len(world.walls)) for pose in path])
+    beams = np.array([np.bincount(world.cast(pose, angles)[1], minlength=len(world.walls)) for pose in path])
     assert beams.max(axis=0).min() >= 20

@@ -1,0 +1,71 @@
+"""People who walk about while the lidar looks: discs that move."""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from features.se2 import Array
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Person:
+    """A disc that goes along a path and back, at a steady pace, for ever.
+
+    Parameters
+    ----------
+    path : where it goes, shape (n, 2), n >= 1, world frame [m]; it is at the first point at time zero. With one point
+        it stands.
+    speed : [m/s].
+    radius : [m].
+
+    Raises
+    ------
+    ValueError
+        The path has another shape or is not finite, the speed is negative or the radius not positive.
+    """
+
+    path: Array
+    speed: float = 1.0
+    radius: float = 0.25
+
+    def __post_init__(self) -> None:
+        path = np.array(self.path, dtype=np.float64)
+        if path.ndim != 2 or path.shape[1] != 2 or len(path) == 0 or not np.isfinite(path).all():
+            raise ValueError(f"path of a person has shape {path.shape}: expected finite points of shape (n, 2), n >= 1")
+        if not (math.isfinite(self.speed) and self.speed >= 0.0):
+            raise ValueError(f"speed is {self.speed:g}: expected metres per second, not negative")
+        if not (math.isfinite(self.radius) and self.radius > 0.0):
+            raise ValueError(f"radius is {self.radius:g}: expected a positive number of metres")
+        object.__setattr__(self, "path", path)
+
+    def at(self, times: Array) -> Array:
+        """Where the person is at times of shape (n,) [s]: centres, shape (n, 2), world frame [m]."""
+        walked = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(self.path, axis=0).T))])
+        length = walked[-1]
+        if length == 0.0:
+            return np.broadcast_to(self.path[0], (len(times), 2))
+        way = length - abs(self.speed * times % (2.0 * length) - length)
+        return np.column_stack([np.interp(way, walked, self.path[:, k]) for k in range(2)])
+
+    def cast(self, origins: Array, directions: Array, times: Array) -> tuple[Array, Array]:
+        """Hit the person with beams.
+
+        Parameters
+        ----------
+        origins, directions : where each beam starts and its unit vector, shape (n, 2), world frame [m].
+        times : of each beam, shape (n,) [s].
+
+        Returns
+        -------
+        ranges : shape (n,) [m]; inf where a beam misses, 0 where it starts inside.
+        cos_incidence : cosine of the angle between beam and normal, shape (n,).
+        """
+        to_centre = self.at(times) - origins
+        ahead = (to_centre * directions).sum(axis=1)
+        aside = directions[:, 0] * to_centre[:, 1] - directions[:, 1] * to_centre[:, 0]
+        half_chord = np.sqrt(np.maximum(self.radius**2 - aside**2, 0.0))
+        inside = (to_centre**2).sum(axis=1) <= self.radius**2
+        hit = (abs(aside) <= self.radius) & (ahead > 0.0)
+        ranges = np.where(inside, 0.0, np.where(hit, ahead - half_chord, np.inf))
+        return ranges, half_chord / self.radius
