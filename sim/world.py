@@ -25,6 +25,7 @@ class World:
     ----------
     name : short name, fit for a folder.
     walls : end points ``x1 y1 x2 y2`` of each wall, shape (n, 4), n >= 1 [m].
+    glass : whether each wall is of glass, shape (n,); where it is not given, none is.
 
     Attributes
     ----------
@@ -35,11 +36,12 @@ class World:
     Raises
     ------
     WorldError
-        There is no wall, a coordinate is not finite, or a wall has no length.
+        There is no wall, a coordinate is not finite, a wall has no length, or there is not one flag for each wall.
     """
 
     name: str
     walls: Array
+    glass: npt.NDArray[np.bool_] = field(default_factory=lambda: np.zeros(0, dtype=np.bool_))
     corners: Array = field(init=False)
     opening_angles: Array = field(init=False)
     corner_walls: npt.NDArray[np.int64] = field(init=False)
@@ -53,8 +55,12 @@ class World:
                 raise WorldError(f"world {self.name!r}: wall {index} has a coordinate that is not finite: {wall}")
             if np.hypot(wall[2] - wall[0], wall[3] - wall[1]) <= TOUCH:
                 raise WorldError(f"world {self.name!r}: wall {index} has no length: it starts and ends at {wall[:2]}")
+        glass = np.array(self.glass, dtype=np.bool_) if len(self.glass) else np.zeros(len(walls), dtype=np.bool_)
+        if glass.shape != (len(walls),):
+            raise WorldError(f"world {self.name!r}: {len(walls)} walls, but flags of glass of shape {glass.shape}")
         corners, opening_angles, corner_walls = _corners(walls)
         object.__setattr__(self, "walls", walls)
+        object.__setattr__(self, "glass", glass)
         object.__setattr__(self, "corners", corners)
         object.__setattr__(self, "opening_angles", opening_angles)
         object.__setattr__(self, "corner_walls", corner_walls)
