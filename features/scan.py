@@ -17,16 +17,19 @@ class LaserScan:
     ranges : shape (n,) [m]. Infinity, or any value outside the sensor's range limits (0 among them), is no return.
     angles : shape (n,) [rad], counter-clockwise from the sensor's x axis, stored per beam.
     stamp : time of the scan [s].
+    times : when each beam was taken, from the stamp on, shape (n,) [s]; negative before it. None where all were taken at
+        once, or it is not known.
 
     Raises
     ------
     ScanFormatError
-        Shapes differ, a range is NaN or negative, an angle or the stamp is not finite.
+        Shapes differ, a range is NaN or negative, an angle, the stamp or a time is not finite.
     """
 
     ranges: Array
     angles: Array
     stamp: float = 0.0
+    times: Array | None = None
 
     def __post_init__(self) -> None:
         ranges = np.ascontiguousarray(self.ranges, dtype=np.float64)
@@ -42,6 +45,14 @@ class LaserScan:
             raise ScanFormatError(f"angle of beam {beam} is {angles[beam]:g}: expected radians")
         if not np.isfinite(self.stamp):
             raise ScanFormatError(f"stamp is {self.stamp:g}: expected seconds")
+        if self.times is not None:
+            times = np.ascontiguousarray(self.times, dtype=np.float64)
+            if times.shape != ranges.shape:
+                raise ScanFormatError(f"a scan needs one time per range: {ranges.shape} ranges, {times.shape} times")
+            if not np.isfinite(times).all():
+                beam = int((~np.isfinite(times)).argmax())
+                raise ScanFormatError(f"time of beam {beam} is {times[beam]:g}: expected seconds from the stamp on")
+            object.__setattr__(self, "times", times)
         object.__setattr__(self, "ranges", ranges)
         object.__setattr__(self, "angles", angles)
 

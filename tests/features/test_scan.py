@@ -28,6 +28,27 @@ def test_a_scan_that_cannot_be_used_is_refused_with_beam_and_value(ranges, angle
     assert isinstance(caught.value, CwlfError)
 
 
+@pytest.mark.parametrize(
+    ("times", "message"),
+    [
+        ([0.0, 0.1], r"one time per range: \(3,\) ranges, \(2,\) times"),
+        ([0.0, 0.1, np.nan], "time of beam 2 is nan: expected seconds"),
+        ([0.0, -np.inf, 0.2], "time of beam 1 is -inf"),
+    ],
+)
+def test_times_that_cannot_be_used_are_refused(times, message):
+    with pytest.raises(ScanFormatError, match=message):
+        LaserScan([1.0, 2.0, 3.0], ANGLES, 0.0, times)
+
+
+def test_times_are_kept_and_need_not_be_known():
+    scan = LaserScan([1.0, 2.0, 3.0], ANGLES, 5.0, [-2, -1, 0])
+    assert scan.times is not None
+    assert scan.times.dtype == np.float64
+    assert scan.times.tolist() == [-2.0, -1.0, 0.0]
+    assert LaserScan([1.0, 2.0, 3.0], ANGLES).times is None
+
+
 def test_beams_without_return_are_part_of_a_scan():
     scan = LaserScan(np.array([np.inf, 0.0, 3.0]), ANGLES, 1.5)
     assert len(scan) == 3
