@@ -17,8 +17,8 @@ class LaserScan:
     ranges : shape (n,) [m]. Infinity, or any value outside the sensor's range limits (0 among them), is no return.
     angles : shape (n,) [rad], counter-clockwise from the sensor's x axis, stored per beam.
     stamp : time of the scan [s].
-    times : when each beam was taken, from the stamp on, shape (n,) [s]; negative before it. None where all were taken at
-        once, or it is not known.
+    times : when each beam was taken, from the stamp on, shape (n,) [s]; negative before it. None where all were taken
+        at once, or it is not known.
 
     Raises
     ------
