@@ -64,7 +64,7 @@ def assert_same(read, frame):
             np.testing.assert_array_equal(read.scan.times, frame.scan.times)
 
 
-@given(drives())
+@given(drawn=drives())
 def test_what_is_written_is_read(drawn, tmp_path_factory):
     """All but the ranges to the last bit; twice from the same object."""
     path = record(tmp_path_factory.mktemp("recording") / "drive.gz", drawn)
