@@ -12,7 +12,6 @@ from ezdxf import units
 from ezdxf.entities.dxfgfx import DXFGraphic
 from ezdxf.entities.insert import Insert
 from ezdxf.enums import InsertUnits
-from ezdxf.lldxf.const import DXFError
 
 from features.se2 import Array
 from sim.errors import WorldError
@@ -38,8 +37,9 @@ def read_dxf(path: Path) -> Site:
     """
     try:
         drawing = ezdxf.filemanagement.readfile(path)
-    except (OSError, DXFError) as error:
-        raise WorldError(f"{path}: cannot be read as DXF: {' '.join(str(error).split())}") from None
+    except Exception as error:  # of a damaged file ezdxf raises whatever its parser stumbles on
+        reason = " ".join(str(error).split()) or type(error).__name__
+        raise WorldError(f"{path}: cannot be read as DXF: {reason}") from None
     try:
         metres = units.conversion_factor(InsertUnits(drawing.units), InsertUnits.Meters)
     except (TypeError, ValueError):

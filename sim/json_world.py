@@ -1,7 +1,7 @@
 """Our own worlds, written by hand: JSON of lines and outlines, and a path."""
 
 from pathlib import Path
-from typing import Literal
+from typing import Annotated, Literal
 
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
@@ -9,7 +9,11 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError
 from sim.errors import WorldError
 from sim.site import Site
 
-Point = tuple[float, float]
+LARGEST = 1e6
+"""Largest coordinate: beyond, a double no longer tells walls apart that nearly meet [m]."""
+
+Coordinate = Annotated[float, Field(ge=-LARGEST, le=LARGEST)]
+Point = tuple[Coordinate, Coordinate]
 
 REASONS = {"extra_forbidden": "no such key", "missing": "is missing"}
 """What pydantic says in its own terms, in those of the user, by its type of error."""

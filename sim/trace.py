@@ -80,7 +80,24 @@ def _straightened(ring: Array, vertices: Array) -> Array:
         for neighbour in ((k - 1) % len(at), k % len(at)):
             bends[neighbour] = _bend(ring, at, neighbour)
     lines = [_line(_piece(ring, start, end)) for start, end in zip(at, [*at[1:], at[0]], strict=True)]
-    return np.array([_meet(ring[at[k]], *lines[k - 1], *lines[k]) for k in range(len(at))])
+    walls = _without_cuts(ring, at, lines)
+    corners = []
+    for before, behind in zip([walls[-1], *walls[:-1]], walls, strict=True):
+        meet = _meet(ring[at[behind]], lines[before], lines[behind])
+        corners.append(ring[at[behind]] if meet is None else meet)
+    return np.array(corners)
+
+
+def _without_cuts(ring: Array, at: list[int], lines: list[tuple[Array, Array]]) -> list[int]:
+    """List the pieces that are walls: not those that cut a corner, behind which the two next to them meet."""
+    walls: list[int] = []
+    for k, start in enumerate(at):
+        end = at[(k + 1) % len(at)]
+        short = np.hypot(*(ring[end] - ring[start])) < NEAR
+        between_walls = len(at) > 3 and 0 < k < len(at) - 1 and k - 1 in walls
+        if not (short and between_walls and _meet(ring[start], lines[k - 1], lines[k + 1]) is not None):
+            walls.append(k)
+    return walls if len(walls) >= 3 else list(range(len(at)))
 
 
 def _bend(ring: Array, at: list[int], k: int) -> float:
@@ -111,11 +128,12 @@ def _line(points: Array) -> tuple[Array, Array]:
     return mean, np.linalg.svd(inner - mean, full_matrices=False)[2][0]
 
 
-def _meet(vertex: Array, point: Array, along: Array, other_point: Array, other_along: Array) -> Array:
-    """Intersect two lines; where they do not meet near the vertex, it stays."""
+def _meet(vertex: Array, line: tuple[Array, Array], other: tuple[Array, Array]) -> Array | None:
+    """Intersect two lines, shape (2,); None where they do not meet near the vertex."""
+    (point, along), (other_point, other_along) = line, other
     cross = along[0] * other_along[1] - along[1] * other_along[0]
     offset = other_point - point
     if cross == 0.0:
-        return vertex
+        return None
     meet = point + (offset[0] * other_along[1] - offset[1] * other_along[0]) / cross * along
-    return meet if np.hypot(*(meet - vertex)) <= NEAR else vertex
+    return meet if np.hypot(*(meet - vertex)) <= NEAR else None

@@ -9,7 +9,7 @@ import tracemalloc
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from drivers import CarmenLog, Frame, LogFormatError, Recorder, RecordError, Recording, is_recording, open_log
@@ -64,6 +64,7 @@ def assert_same(read, frame):
             np.testing.assert_array_equal(read.scan.times, frame.scan.times)
 
 
+@settings(derandomize=True, deadline=None)
 @given(drawn=drives())
 def test_what_is_written_is_read(drawn, tmp_path_factory):
     """All but the ranges to the last bit; twice from the same object."""

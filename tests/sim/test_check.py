@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
@@ -68,6 +68,7 @@ def test_a_dead_end_at_an_outline_is_told_from_a_gap():
     assert all("meets no other" in line for line in found)
 
 
+@settings(derandomize=True, deadline=None)
 @given(
     st.integers(0, 10_000),
     st.floats(-np.pi, np.pi),
@@ -79,6 +80,7 @@ def test_a_room_is_right_wherever_it_lies(seed, turn, shift):
     assert findings(walls) == []
 
 
+@settings(derandomize=True, deadline=None)
 @given(st.integers(0, 1000), st.data())
 def test_a_room_that_lost_a_wall_is_open_where_it_was(seed, data):
     walls = random_room(seed).walls
@@ -89,6 +91,7 @@ def test_a_room_that_lost_a_wall_is_open_where_it_was(seed, data):
     assert float(line.split()[-2]) == pytest.approx(gap, rel=1e-5)
 
 
+@settings(derandomize=True, deadline=None)
 @given(hnp.arrays(np.float64, (6, 4), elements=st.integers(-3, 3).map(float)))
 def test_crossings_are_those_of_exact_arithmetic(walls):
     """Whole coordinates: sides are whole numbers, and two walls cross where each parts the ends of the other."""

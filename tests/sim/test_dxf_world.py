@@ -122,7 +122,17 @@ def test_what_cannot_be_read_is_one_line(drawing, read, tmp_path):
     drawing.units = InsertUnits.Unitless
     with pytest.raises(WorldError, match=r"unit \(\$INSUNITS\) is 0: expected one of length"):
         read(drawing)
-    for content in (b"", b"not a drawing", b"  0\nSECTION\n  2\nENTITIES\n  0\nLINE\n 10\nx\n", bytes(range(256))):
+    drawing.units = InsertUnits.Meters
+    read(drawing)
+    whole = (tmp_path / "plan.dxf").read_bytes()
+    for content in (
+        whole[:500],
+        whole[: len(whole) // 2],
+        b"",
+        b"not a drawing",
+        b"  0\nSECTION\n  2\nENTITIES\n  0\nLINE\n 10\nx\n",
+        bytes(range(256)),
+    ):
         path = tmp_path / "broken.dxf"
         path.write_bytes(content)
         with pytest.raises(WorldError) as caught:

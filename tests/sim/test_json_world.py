@@ -60,6 +60,10 @@ def test_the_schema_of_the_documentation_is_the_one_that_is_checked():
         ({"walls": [{"points": [[0, 0]]}]}, r"walls.0.points: Tuple should have at least 2 items"),
         ({"walls": [{"points": [[0, 0], [1, "a"]]}]}, r"walls.0.points.1.1: Input should be a valid number"),
         ({"walls": [{"points": [[0, 0], [1, float("nan")]]}]}, r"walls.0.points.1.1: Input should be a finite number"),
+        (
+            {"walls": [{"points": [[0, 0], [1e7, 1]]}]},
+            r"walls.0.points.1.0: Input should be less than or equal to 1000000",
+        ),
         ({"walls": [{"points": [[0, 0], [1, 2, 3]]}]}, r"walls.0.points.1"),
         ({"walls": [{"points": [[0, 0], [1, 1]], "clsoed": True}]}, r"walls.0.clsoed: no such key"),
         ({"waypoints": [[0, 0]]}, "waypoints: Tuple should have at least 2 items"),

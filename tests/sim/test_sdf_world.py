@@ -7,7 +7,7 @@ from xml.etree import ElementTree
 import numpy as np
 import pytest
 import shapely
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from features.se2 import compose, pose, rotation
@@ -49,6 +49,7 @@ def test_a_box_is_four_walls_around_its_centre(read):
     assert site.name == "house"
 
 
+@settings(derandomize=True, deadline=None)
 @given(model=POSES, link=POSES, shape=POSES)
 def test_poses_nest(model, link, shape, tmp_path_factory):
     """Model, link and collision: a chain of SE(2); corners are rounded to the millimetre."""

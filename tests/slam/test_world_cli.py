@@ -1,4 +1,4 @@
-"""The commands ``world``, ``simulate`` and ``export`` as a user meets them, and recordings in ``run`` and ``evaluate``."""
+"""The commands ``world``, ``simulate`` and ``export`` as a user meets them; recordings in ``run`` and ``evaluate``."""
 
 import json
 import os
