@@ -24,6 +24,7 @@ bench: $(READY)
 docs: demo
 	cp runs/demo/map.png docs/demo-map.png
 	$(BIN)/cwlf-slam study paper --docs docs --out runs/paper
+	$(BIN)/python docs/draw_worlds.py runs/worlds
 
 $(READY): pyproject.toml constraints.txt
 	$(PYTHON) -c 'import sys; sys.exit(0 if sys.version_info >= (3, 11) else "Python 3.11 or newer is needed: make PYTHON=python3.11")'

@@ -1,7 +1,22 @@
 """Every way a frame enters the program; knows nothing of estimation."""
 
 from drivers.carmen import CarmenLog
-from drivers.errors import LogFormatError
+from drivers.carmen_export import write_carmen
+from drivers.errors import LogFormatError, RecordError
 from drivers.frame import Frame, FrameSource
+from drivers.open_log import is_recording, open_log
+from drivers.recorder import Recorder
+from drivers.recording import Recording
 
-__all__ = ["CarmenLog", "Frame", "FrameSource", "LogFormatError"]
+__all__ = [
+    "CarmenLog",
+    "Frame",
+    "FrameSource",
+    "LogFormatError",
+    "RecordError",
+    "Recorder",
+    "Recording",
+    "is_recording",
+    "open_log",
+    "write_carmen",
+]

@@ -31,10 +31,11 @@ class LogLine:
 
 
 class LogLineReader:
-    """Lines of a plain or gzipped file, read in pieces of bounded size."""
+    """Lines of a plain or gzipped file, read in pieces of bounded size; ``kind`` is what messages say was expected."""
 
-    def __init__(self, path: Path) -> None:
+    def __init__(self, path: Path, kind: str = "a CARMEN log") -> None:
         self._path = path
+        self._kind = kind
         self._position = 0
         self._size = 0
 
@@ -65,7 +66,7 @@ class LogLineReader:
                 number += 1
             if len(rest) > LINE_BYTES:
                 raise LogFormatError(
-                    f"{self._path}, line {number}: longer than {LINE_BYTES} bytes: expected lines of a CARMEN log"
+                    f"{self._path}, line {number}: longer than {LINE_BYTES} bytes: expected lines of {self._kind}"
                 )
         yield LogLine(number, rest, ended=False, suspect=damaged)
 
@@ -81,12 +82,12 @@ class LogLineReader:
                     yield piece
                 self._position = self._size
         except FileNotFoundError:
-            raise LogFormatError(f"{self._path}: no such file: expected a CARMEN log") from None
+            raise LogFormatError(f"{self._path}: no such file: expected {self._kind}") from None
         except IsADirectoryError:
-            raise LogFormatError(f"{self._path} is a directory: expected a CARMEN log") from None
+            raise LogFormatError(f"{self._path} is a directory: expected {self._kind}") from None
         except OSError as error:
             raise LogFormatError(
-                f"{self._path} cannot be read ({error.strerror or error}): expected a CARMEN log"
+                f"{self._path} cannot be read ({error.strerror or error}): expected {self._kind}"
             ) from error
 
     def _gunzip(self, file: BinaryIO) -> Iterator[tuple[bytes, bool]]:

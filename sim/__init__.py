@@ -1,6 +1,8 @@
 """Simulation: worlds, ray casting, lidar noise and robot motion; a run is one more source of frames, with its truth."""
 
 from sim.alpha_odometry import AlphaOdometry
+from sim.check import findings
+from sim.drive import drive_through
 from sim.effects import EFFECTS, Effects
 from sim.errors import WorldError
 from sim.labels import label_corners
@@ -8,14 +10,18 @@ from sim.lidar import Lidar, Measurement
 from sim.odometry import WheelOdometry
 from sim.paper_worlds import ENVIRONMENT_A_POSE, ENVIRONMENT_B_POSE, environment_a, environment_b
 from sim.person import Person
-from sim.random_rooms import random_pose, random_room
+from sim.random_rooms import random_pose, random_room, random_tour
+from sim.read_site import read_site
 from sim.robot import OmniRobot, Robot, Trajectory
 from sim.run import POOR_ODOMETRY, SimulatedRun, room_run
+from sim.site import Site
+from sim.sites import BUILT_IN, find_site
 from sim.visibility import VisibleSections, visible_corners, visible_sections
 from sim.world import World
 from sim.worlds import room, room_waypoints
 
 __all__ = [
+    "BUILT_IN",
     "EFFECTS",
     "ENVIRONMENT_A_POSE",
     "ENVIRONMENT_B_POSE",
@@ -28,16 +34,22 @@ __all__ = [
     "Person",
     "Robot",
     "SimulatedRun",
+    "Site",
     "Trajectory",
     "VisibleSections",
     "WheelOdometry",
     "World",
     "WorldError",
+    "drive_through",
     "environment_a",
     "environment_b",
+    "find_site",
+    "findings",
     "label_corners",
     "random_pose",
     "random_room",
+    "random_tour",
+    "read_site",
     "room",
     "room_run",
     "room_waypoints",

@@ -4,6 +4,7 @@ import math
 
 import numpy as np
 import numpy.typing as npt
+import shapely
 
 from features.se2 import Array, Pose, pose, rotation
 from sim.errors import WorldError
@@ -32,6 +33,9 @@ _PILLAR_GAP = 0.8
 """Way that stays free around a pillar [m]."""
 
 _MAX_PILLARS = 4
+
+_LEG = 1.0
+"""Legs of a random tour are longer than this [m]."""
 
 _BATCH = 64
 _MAX_BATCHES = 200
@@ -83,6 +87,37 @@ def random_pose(world: World, rng: np.random.Generator, clearance: float = 0.4) 
     if place is None:
         raise WorldError(f"world {world.name!r}: found no place {clearance:g} m clear of every wall")
     return pose(place[0], place[1], rng.uniform(-math.pi, math.pi))
+
+
+def random_tour(world: World, rng: np.random.Generator, legs: int = 12, clearance: float = 0.5) -> Array:
+    """Draw a path of straight legs through a room, from place to place of those within sight.
+
+    Parameters
+    ----------
+    world : walls that form closed polygons.
+    rng : source of the places; they are uniform over the free space that is in sight of the one before.
+    legs : how many.
+    clearance : distance of every leg to the nearest wall at least [m].
+
+    Returns
+    -------
+    Waypoints, shape (legs + 1, 2), world frame [m], each farther than a metre from the one before.
+
+    Raises
+    ------
+    WorldError
+        No place this clear was found.
+    """
+    walls = shapely.multilinestrings(list(world.walls.reshape(-1, 2, 2)))
+    tour = [random_pose(world, rng, clearance)[:2]]
+    for _ in range(_MAX_BATCHES * legs):
+        place = random_pose(world, rng, clearance)[:2]
+        leg = shapely.LineString([tour[-1], place])
+        if leg.length > _LEG and shapely.distance(leg, walls) >= clearance:
+            tour.append(place)
+        if len(tour) > legs:
+            return np.array(tour)
+    raise WorldError(f"world {world.name!r}: found no way {clearance:g} m clear of every wall from place to place")
 
 
 def _free_place(walls: Array, rng: np.random.Generator, clearance: float) -> Array | None:

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from slam.study_cli import extract_scan, study
+from slam.world_cli import export, simulate, world
 
 if TYPE_CHECKING:
     from drivers.frame import FrameSource
@@ -95,7 +96,9 @@ def demo(
 
 @app.command()
 def run(
-    log: Annotated[Path, typer.Argument(help="CARMEN log (.clf or .log, also gzipped).", show_default=False)],
+    log: Annotated[
+        Path, typer.Argument(help="Recording, or CARMEN log (.clf or .log, also gzipped).", show_default=False)
+    ],
     sensor: Sensor = None,
     config: Config = None,
     out: Out = None,
@@ -108,11 +111,11 @@ def run(
     """Process a recorded log into a run folder: trajectory, landmarks, metrics, configuration and map."""
     from datetime import datetime
 
-    from drivers.carmen import CarmenLog
+    from drivers.open_log import open_log
     from slam.config import load_config
     from slam.run_folder import claimed, default_folder
 
-    source = CarmenLog(log)
+    source = open_log(log)
     effective = load_config(
         config, preset=sensor, source_preset=source.sensor, source_mounting=source.mounting, seed=seed
     )
@@ -128,12 +131,12 @@ def evaluate(
     relations: Annotated[
         Path | None, typer.Option("--relations", help="True relations of pairs of poses (Freiburg benchmark).")
     ] = None,
-    truth: Annotated[Path | None, typer.Option("--truth", help="True trajectory, TUM format.")] = None,
+    truth: Annotated[Path | None, typer.Option("--truth", help="True trajectory (TUM), or the recording.")] = None,
     as_json: Json = False,
 ) -> None:
     """Compare the trajectory of a run with relations or with a true trajectory."""
     from slam.evaluate import evaluate_relations, evaluate_truth, to_lines
-    from slam.run_folder import read_trajectory
+    from slam.run_folder import read_landmarks, read_trajectory
 
     if relations is None and truth is None:
         raise typer.BadParameter("give --relations FILE or --truth FILE", param_hint="evaluate")
@@ -142,7 +145,7 @@ def evaluate(
     if relations is not None:
         report |= evaluate_relations(relations, trajectory)
     if truth is not None:
-        report |= evaluate_truth(truth, trajectory)
+        report |= evaluate_truth(truth, trajectory, read_landmarks(run))
     if as_json:
         import json
 
@@ -160,6 +163,9 @@ def show_config(sensor: Sensor = None, config: Config = None) -> None:
 
 
 app.command("extract")(extract_scan)
+app.command()(simulate)
+app.command()(export)
+app.add_typer(world)
 app.add_typer(study)
 
 

@@ -6,7 +6,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from features.se2 import transform
+from drivers.open_log import is_recording
+from drivers.recording import Recording
+from features.se2 import Array, transform
+from sim.world import World
 from slam.metrics import ate, match_landmarks, rpe
 from slam.relations import read_relations, relations
 from slam.result import SlamResult
@@ -28,11 +31,23 @@ def evaluate_relations(path: Path, trajectory: Trajectory) -> Report:
     return {"relations": _figures(error)}
 
 
-def evaluate_truth(path: Path, trajectory: Trajectory) -> Report:
-    """ATE and RPE of a trajectory, rigidly aligned, against a true one in TUM format."""
-    true = read_tum(path)
-    absolute = _figures(ate(true, trajectory))
-    return {"ate": absolute, "rpe": _figures(rpe(true, trajectory))}
+def evaluate_truth(path: Path, trajectory: Trajectory, landmarks: Array) -> Report:
+    """ATE and RPE of a trajectory, rigidly aligned, against a true one in TUM format or that of a recording.
+
+    Where a recording holds walls, the landmarks, shape (n, 2) [m], are compared with their corners, in the alignment of
+    the trajectory.
+    """
+    recording = Recording(path) if is_recording(path) else None
+    true = read_tum(path) if recording is None else Trajectory(*recording.truth())
+    absolute = ate(true, trajectory)
+    report: Report = {"ate": _figures(absolute), "rpe": _figures(rpe(true, trajectory))}
+    if recording is not None and len(recording.walls):
+        corners = World(recording.name, recording.walls).corners
+        rmse, mapped = _landmark_errors(corners, transform(absolute.pose_truth_estimate, landmarks))
+        report["landmarks"] = {"corners": len(corners), "corners_mapped": mapped}
+        if rmse is not None:
+            report["landmarks"]["rmse_m"] = rmse
+    return report
 
 
 def to_lines(report: Report) -> list[str]:
@@ -67,16 +82,21 @@ def evaluate_simulated(source: "SimulatedRun", result: SlamResult) -> Simulation
     truth = Trajectory(source.stamps, source.poses_world_robot)
     absolute = ate(truth, result.trajectory)
     corners = source.world.corners
-    landmarks = transform(absolute.pose_truth_estimate, result.landmarks.positions)
-    pairs = match_landmarks(corners, landmarks, CORNER_DISTANCE)
-    errors = np.linalg.norm(corners[pairs[:, 0]] - landmarks[pairs[:, 1]], axis=1)
+    rmse, mapped = _landmark_errors(corners, transform(absolute.pose_truth_estimate, result.landmarks.positions))
     return SimulationReport(
         ate_rmse_m=absolute.rmse_m,
         odometry_ate_rmse_m=ate(truth, result.odometry).rmse_m,
-        landmark_rmse_m=float(np.sqrt(np.mean(errors**2))) if len(errors) else None,
+        landmark_rmse_m=rmse,
         corners=len(corners),
-        corners_mapped=len(pairs),
+        corners_mapped=mapped,
     )
+
+
+def _landmark_errors(corners: Array, landmarks: Array) -> tuple[float | None, int]:
+    """RMS distance [m] of the landmarks that are corners from these, and their number; shapes (k, 2) and (n, 2) [m]."""
+    pairs = match_landmarks(corners, landmarks, CORNER_DISTANCE)
+    errors = np.linalg.norm(corners[pairs[:, 0]] - landmarks[pairs[:, 1]], axis=1)
+    return (float(np.sqrt(np.mean(errors**2))) if len(errors) else None), len(pairs)
 
 
 def _figures(error: object) -> dict[str, float]:

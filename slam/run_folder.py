@@ -1,5 +1,6 @@
 """The folder that a run leaves behind, and what is read back from it."""
 
+import csv
 import json
 import os
 import re
@@ -10,6 +11,7 @@ from pathlib import Path
 
 import numpy as np
 
+from features.se2 import Array
 from slam.config import to_toml
 from slam.errors import RunFolderError
 from slam.result import SlamResult
@@ -100,3 +102,21 @@ def read_trajectory(folder: Path) -> Trajectory:
     if not path.is_file():
         raise RunFolderError(f"{folder}: holds no {TRAJECTORY}, so it is not a run folder")
     return read_tum(path)
+
+
+def read_landmarks(folder: Path) -> Array:
+    """Read the positions of the landmarks of a run, shape (n, 2) [m].
+
+    Raises
+    ------
+    RunFolderError
+        The table is not there or damaged.
+    """
+    path = folder / LANDMARKS
+    try:
+        with path.open(encoding="utf-8", newline="") as file:
+            return np.array([(float(row["x"]), float(row["y"])) for row in csv.DictReader(file)]).reshape(-1, 2)
+    except OSError as error:
+        raise RunFolderError(f"{path}: cannot be read: {error.strerror or error}") from None
+    except (KeyError, TypeError, ValueError):
+        raise RunFolderError(f"{path}: no table of landmarks: expected columns x and y of numbers") from None

@@ -94,7 +94,7 @@ def paper(
 
 
 def extract_scan(
-    log: Annotated[Path, typer.Argument(help="CARMEN log (.clf or .log, also gzipped).", show_default=False)],
+    log: Annotated[Path, typer.Argument(help="Recording, or CARMEN log.", show_default=False)],
     scan: Annotated[int, typer.Option("--scan", min=0, help="Number of the scan, the first is 0.", show_default=False)],
     plot: Annotated[Path | None, typer.Option("--plot", help="PNG file to draw.", show_default=False)] = None,
     sensor: Annotated[
@@ -106,11 +106,11 @@ def extract_scan(
     ] = None,
 ) -> None:
     """Show the lines and corners of one scan of a log."""
-    from drivers.carmen import CarmenLog
+    from drivers.open_log import open_log
     from slam.config import load_config
     from slam.study.one_scan import feature_lines, scan_features
 
-    source = CarmenLog(log)
+    source = open_log(log)
     effective = load_config(config, preset=sensor, source_preset=source.sensor, source_mounting=source.mounting)
     taken, features = scan_features(source, scan, effective)
     typer.echo("\n".join(feature_lines(taken, features)))

@@ -62,7 +62,11 @@ def test_the_snippet_of_the_simulator_page_runs() -> None:
 
 
 def test_every_example_runs(log: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
-    arguments = {"map_a_log.py": [str(log), str(log.parent / "run")], "corners_of_a_scan.py": []}
+    arguments = {
+        "map_a_log.py": [str(log), str(log.parent / "run")],
+        "corners_of_a_scan.py": [],
+        "draw_floor_plans.py": [str(log.parent / "plans")],
+    }
     examples = sorted((ROOT / "examples").glob("*.py"))
     assert {example.name for example in examples} == set(arguments)
     for example in examples:

@@ -102,3 +102,11 @@ def test_walls_of_a_corner_end_at_it():
         first, second = (ends[k, at[k].argmax()] - corner for k in range(2))
         cosine = first @ second / np.hypot(*first) / np.hypot(*second)
         assert math.acos(cosine) == pytest.approx(opening_angle, abs=1e-12)
+
+
+def test_glass_is_flagged_wall_by_wall():
+    walls = World.from_polygons("square", [SQUARE]).walls
+    assert not World("clear", walls).glass.any()
+    np.testing.assert_array_equal(World("glazed", walls, np.arange(4) == 2).glass, [False, False, True, False])
+    with pytest.raises(WorldError, match=r"4 walls, but flags of glass of shape \(3,\)"):
+        World("short", walls, np.ones(3, dtype=bool))

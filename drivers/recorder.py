@@ -1,0 +1,130 @@
+"""Writes recordings as the frames come."""
+
+import gzip
+import json
+import os
+import zlib
+from collections.abc import Sequence
+from pathlib import Path
+from types import TracebackType
+from typing import Any, Self
+
+import numpy as np
+
+from drivers.errors import RecordError
+from drivers.frame import Frame
+from drivers.recording import Header, MountingRecord
+from features.se2 import Array, Pose
+from features.sensor import Mounting
+
+FLUSH_EVERY = 50
+"""What a killed process leaves lacks no more than this many of its last frames."""
+
+
+class Recorder:
+    """A recording that is being written; a context manager.
+
+    Frames go to the disk as they come, so that memory does not grow and a process that is killed leaves all but its
+    last :data:`FLUSH_EVERY` frames. The same frames give the same bytes.
+
+    Parameters
+    ----------
+    path : file to write, gzipped whatever its name.
+    name : what is recorded, a short name fit for a folder.
+    sensor : name of the sensor preset that fits the frames.
+    mounting : where the sensor sits on the robot.
+    walls : the walls that the sensor sees, world frame, shape (n, 4) [m], where they are known.
+    glass : whether each wall is of glass, shape (n,).
+    overwrite : replace a file that is there.
+
+    Raises
+    ------
+    RecordError
+        There is a file already, or it cannot be written.
+    """
+
+    def __init__(
+        self,
+        path: str | os.PathLike[str],
+        *,
+        name: str,
+        sensor: str,
+        mounting: Mounting,
+        walls: Array | None = None,
+        glass: Sequence[bool] | np.ndarray = (),
+        overwrite: bool = False,
+    ) -> None:
+        self._path = Path(path)
+        self._frames = 0
+        self._angles: Array | None = None
+        self._times: Array | None = None
+        try:
+            self._path.parent.mkdir(parents=True, exist_ok=True)
+            self._file = self._path.open("wb" if overwrite else "xb")
+        except FileExistsError:
+            raise RecordError(f"{path} is there already: choose another name or give --overwrite") from None
+        except OSError as error:
+            raise RecordError(f"{path}: cannot be written: {error.strerror or error}") from None
+        # No time and no name in the header of the data, so that they depend on the frames alone.
+        self._gzip = gzip.GzipFile(filename="", mode="wb", fileobj=self._file, mtime=0)
+        place = MountingRecord(x=mounting.x, y=mounting.y, theta=mounting.theta, upside_down=mounting.upside_down)
+        self._write(Header(name=name, sensor=sensor, mounting=place).model_dump())
+        for k, wall in enumerate(() if walls is None else walls.tolist()):
+            self._write({"wall": wall} | ({"glass": True} if len(glass) and glass[k] else {}))
+        self._flush()
+
+    def write(self, frame: Frame, truth: Pose | None = None) -> None:
+        """Add a frame and, where it is known, the true pose of the robot, world frame, shape (3,) [m, m, rad].
+
+        Ranges are kept to the micrometre, all else to the last digit.
+        """
+        record: dict[str, Any] = {"stamp": float(frame.stamp), "odom": frame.pose_odom_robot.tolist()}
+        if truth is not None:
+            record["truth"] = truth.tolist()
+        if (scan := frame.scan) is not None:
+            rounded = np.round(scan.ranges, 6)
+            content: dict[str, Any] = {"ranges": [r if r < np.inf else None for r in rounded.tolist()]}
+            if scan.stamp != frame.stamp:
+                content["stamp"] = float(scan.stamp)
+            if not (_same(scan.angles, self._angles) and _same(scan.times, self._times)):
+                self._angles, self._times = scan.angles.copy(), None if scan.times is None else scan.times.copy()
+                times = {} if scan.times is None else {"times": scan.times.tolist()}
+                content["beams"] = {"angles": scan.angles.tolist()} | times
+            record["scan"] = content
+        self._write(record)
+        self._frames += 1
+        if self._frames % FLUSH_EVERY == 0:
+            self._flush()
+
+    def close(self) -> None:
+        """Write what is left and close the file."""
+        try:
+            self._gzip.close()
+            self._file.close()
+        except OSError as error:
+            raise RecordError(f"{self._path}: cannot be written: {error.strerror or error}") from None
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()
+
+    def _write(self, record: dict[str, Any]) -> None:
+        try:
+            self._gzip.write(json.dumps(record, separators=(",", ":"), allow_nan=False).encode() + b"\n")
+        except OSError as error:
+            raise RecordError(f"{self._path}: cannot be written: {error.strerror or error}") from None
+
+    def _flush(self) -> None:
+        try:
+            self._gzip.flush(zlib.Z_SYNC_FLUSH)
+            self._file.flush()
+        except OSError as error:
+            raise RecordError(f"{self._path}: cannot be written: {error.strerror or error}") from None
+
+
+def _same(a: Array | None, b: Array | None) -> bool:
+    return a is b if a is None or b is None else np.array_equal(a, b)

@@ -1,0 +1,63 @@
+"""Worlds from files, whatever their format."""
+
+from collections.abc import Callable
+from pathlib import Path
+
+from sim.errors import WorldError
+from sim.site import Site
+
+_SUFFIXES = {".json": "json", ".sdf": "sdf", ".world": "sdf", ".yaml": "map", ".yml": "map", ".dxf": "dxf"}
+_IMAGES = {".pgm", ".png", ".bmp"}
+
+
+def read_site(path: Path) -> Site:
+    """Read the walls, and the path where there is one, of a file.
+
+    The format follows from the suffix, and where that says nothing from the first character: our own JSON
+    (docs/worlds.md), Gazebo SDF, the YAML of a ROS map, or DXF. Each reader is imported by the file that needs it.
+
+    Parameters
+    ----------
+    path : file to read.
+
+    Raises
+    ------
+    WorldError
+        The file cannot be read, is of none of these formats, or needs a package that is not installed.
+    """
+    try:
+        with path.open("rb") as file:
+            start = file.read(1024).lstrip()
+    except IsADirectoryError:
+        raise WorldError(f"{path} is a directory: expected the file of a world") from None
+    except OSError as error:
+        raise WorldError(f"{path}: cannot be read: {error.strerror or error}") from None
+    suffix = path.suffix.lower()
+    if suffix in _IMAGES:
+        raise WorldError(f"{path}: an image alone has no scale: give the map's YAML file, which names it")
+    return _reader(path, _SUFFIXES.get(suffix) or {b"{": "json", b"<": "sdf"}.get(start[:1]))(path)
+
+
+def _reader(path: Path, file_format: str | None) -> Callable[[Path], Site]:
+    match file_format:
+        case "json":
+            from sim.json_world import read_json
+
+            return read_json
+        case "sdf":
+            from sim.sdf_world import read_sdf
+
+            return read_sdf
+        case "map":
+            from sim.grid_map import read_map
+
+            return read_map
+        case "dxf":
+            try:
+                from sim.dxf_world import read_dxf
+            except ModuleNotFoundError as error:
+                if error.name != "ezdxf":
+                    raise
+                raise WorldError(f"{path}: DXF needs ezdxf: pip install 'cwlf-slam[dxf]'") from None
+            return read_dxf
+    raise WorldError(f"{path}: no format of a world: expected {', '.join(_SUFFIXES)}")

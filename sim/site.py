@@ -1,0 +1,43 @@
+"""Walls as drawn, before anything is known to be right with them, and a path through them."""
+
+from dataclasses import dataclass
+from typing import Self
+
+import numpy as np
+import numpy.typing as npt
+
+from features.se2 import Array
+from sim.world import World
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Site:
+    """What a built-in world or a file holds.
+
+    Parameters
+    ----------
+    name : short name, fit for a folder.
+    walls : end points ``x1 y1 x2 y2`` of each wall, world frame, shape (n, 4) [m].
+    glass : whether each wall is of glass, shape (n,).
+    waypoints : path of a robot, world frame, shape (k, 2) [m]; None where there is none.
+    """
+
+    name: str
+    walls: Array
+    glass: npt.NDArray[np.bool_]
+    waypoints: Array | None
+
+    @classmethod
+    def of(cls, world: World, waypoints: npt.ArrayLike) -> Self:
+        """Put a world and a path through it together."""
+        return cls(world.name, world.walls, world.glass, np.asarray(waypoints, dtype=np.float64))
+
+    def world(self) -> World:
+        """Make the world of these walls.
+
+        Raises
+        ------
+        WorldError
+            There is no wall, a coordinate is not finite, or a wall has no length.
+        """
+        return World(self.name, self.walls, self.glass)

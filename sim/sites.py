@@ -1,0 +1,64 @@
+"""Worlds by name, each with a path through it: those built in, and those in files."""
+
+import re
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from types import MappingProxyType
+
+import numpy as np
+
+from sim.buildings import apartment, corridor, large_office, office_loop
+from sim.errors import WorldError
+from sim.paper_worlds import environment_a, environment_b
+from sim.random_rooms import random_room, random_tour
+from sim.read_site import read_site
+from sim.site import Site
+from sim.worlds import room, room_waypoints
+
+_PATH_A = [
+    *[(4.4, 3.9), (5.7, 2.9), (7.0, 2.4), (8.2, 3.6), (7.4, 5.2), (5.8, 5.0), (5.6, 6.4), (4.5, 7.2), (3.4, 6.4)],
+    *[(2.2, 5.2), (0.9, 4.5), (0.8, 3.4), (1.8, 2.5), (2.9, 1.6), (4.2, 2.9), (4.4, 3.7)],
+]
+_PATH_B = [
+    *[(1.8, 2.8), (2.5, 1.9), (2.55, 0.9), (1.8, 0.45), (1.15, 0.7), (1.05, 1.9), (1.0, 3.0), (1.2, 4.7), (1.7, 5.3)],
+    *[(1.8, 4.2), (2.8, 2.7), (1.9, 2.6)],
+]
+
+BUILT_IN: Mapping[str, Callable[[], Site]] = MappingProxyType(
+    {
+        "room": lambda: Site.of(room(), room_waypoints()),
+        "environment-a": lambda: Site.of(environment_a(), _PATH_A),
+        "environment-b": lambda: Site.of(environment_b(), _PATH_B),
+        "corridor": corridor,
+        "apartment": apartment,
+        "office-loop": office_loop,
+        "large-office": large_office,
+    }
+)
+"""Worlds by name; beside them ``random-room-SEED``, one for each seed."""
+
+
+def find_site(name: str) -> Site:
+    """Make a built-in world or read one from a file.
+
+    Parameters
+    ----------
+    name : name of a built-in world, or path of a file; a name goes first.
+
+    Raises
+    ------
+    WorldError
+        There is neither, or the file cannot be read.
+    """
+    if name in BUILT_IN:
+        return BUILT_IN[name]()
+    if drawn := re.fullmatch(r"random-room-(\d{1,18})", name):
+        seed = int(drawn[1])
+        world = random_room(seed)
+        return Site.of(world, random_tour(world, np.random.default_rng(seed)))
+    if not Path(name).exists():
+        raise WorldError(
+            f"no world and no file {name!r}: built in are {', '.join(BUILT_IN)} and random-room-SEED, "
+            "such as random-room-1"
+        )
+    return read_site(Path(name))

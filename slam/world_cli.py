@@ -1,0 +1,147 @@
+"""The commands ``cwlf-slam world``, ``simulate`` and ``export``; heavy imports wait for the command that needs them."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Literal
+
+import typer
+
+if TYPE_CHECKING:
+    from sim.site import Site
+
+world = typer.Typer(
+    name="world",
+    help="Worlds for the simulator: those built in, and files (JSON, SDF, YAML of a ROS map, DXF).",
+    no_args_is_help=True,
+    add_completion=False,
+)
+
+Name = Annotated[str, typer.Argument(help="Name of a built-in world, or file.", show_default=False)]
+
+
+@world.command("list")
+def list_worlds() -> None:
+    """Name the built-in worlds, with their size, walls, corners and path."""
+    from sim.sites import BUILT_IN, find_site
+
+    for name in (*BUILT_IN, "random-room-1"):
+        typer.echo(_summary(find_site(name)))
+
+
+@world.command()
+def show(
+    name: Name,
+    out: Annotated[
+        Path | None, typer.Option("--out", help="PNG file; default runs/world-<name>.png.", show_default=False)
+    ] = None,
+) -> None:
+    """Draw a world: walls, corners and the path, where it has one."""
+    from sim.sites import find_site
+    from slam.world_plot import draw_world
+
+    site = find_site(name)
+    picture = out or Path("runs") / f"world-{site.name}.png"
+    draw_world(picture, site, site.world())
+    typer.echo(_summary(site))
+    typer.echo(f"picture: {picture}")
+
+
+@world.command()
+def check(name: Name) -> None:
+    """List what is wrong with a world, a line each with its coordinates; exit code 1 if there is anything."""
+    from sim.check import findings
+    from sim.sites import find_site
+
+    site = find_site(name)
+    found = findings(site.walls)
+    for line in found:
+        typer.echo(line)
+    typer.echo(f"{site.name}: {len(site.walls)} walls, {len(found) or 'nothing'} wrong")
+    if found:
+        raise typer.Exit(1)
+
+
+def simulate(
+    world_name: Annotated[str, typer.Option("--world", help="Name of a built-in world, or file.", show_default=False)],
+    out: Annotated[Path, typer.Option("--out", help="Recording to write, such as drive.jsonl.gz.", show_default=False)],
+    path: Annotated[
+        Path | None,
+        typer.Option("--path", help="Waypoints: lines x,y or JSON; default: the world's path.", show_default=False),
+    ] = None,
+    sensor: Annotated[str, typer.Option("--sensor", help="Sensor preset: rplidar-s1 or sick-lms.")] = "rplidar-s1",
+    seed: Annotated[int, typer.Option("--seed", min=0, help="Seed of all that is random.")] = 1,
+    may_be_open: Annotated[bool, typer.Option("--open", help="Drive although outlines are not closed.")] = False,
+    overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace a file that is there.")] = False,
+) -> None:
+    """Drive a robot with poor odometry through a world; record what it measures, and the truth."""
+    from drivers.recorder import Recorder
+    from sim.lidar import Lidar
+    from sim.site_run import site_run
+    from sim.sites import find_site
+    from sim.waypoints import read_waypoints
+    from slam.errors import ConfigError
+    from slam.interrupt import Interrupt
+    from slam.progress import RunProgress
+
+    try:
+        lidar = Lidar.of_preset(sensor)
+    except ValueError as error:
+        raise ConfigError(f"--sensor: {error}") from None
+    site = find_site(world_name)
+    waypoints = None if path is None else read_waypoints(path)
+    source = site_run(site, lidar, sensor, seed, waypoints, may_be_open=may_be_open)
+    recorder = Recorder(
+        out,
+        name=source.name,
+        sensor=sensor,
+        mounting=source.mounting,
+        walls=source.world.walls,
+        glass=source.world.glass,
+        overwrite=overwrite,
+    )
+    scans, seconds = 0, 0.0
+    with Interrupt() as interrupt, RunProgress(source.name) as progress, recorder:
+        for frame, truth in zip(source, source.poses_world_robot, strict=True):
+            recorder.write(frame, truth)
+            scans, seconds = scans + (frame.scan is not None), frame.stamp
+            progress.update(source.progress, scans)
+            if interrupt.requested:
+                break
+    typer.echo(f"{scans} scans, {seconds:.0f} s of data")
+    typer.echo(f"recording: {out}")
+    if interrupt.requested:
+        typer.echo("cwlf-slam: interrupted; the recording holds what was done so far", err=True)
+        raise typer.Exit(130)
+
+
+def export(
+    log: Annotated[Path, typer.Argument(help="Recording, or CARMEN log.", show_default=False)],
+    out: Annotated[Path, typer.Option("--out", help="File to write, gzipped if it ends with .gz.", show_default=False)],
+    to: Annotated[Literal["carmen"], typer.Option("--format", help="Format of that file.")] = "carmen",
+    overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace a file that is there.")] = False,
+) -> None:
+    """Write a recording as a log that other programs read; a CARMEN log holds no truth."""
+    from drivers.carmen_export import write_carmen
+    from drivers.errors import RecordError
+    from drivers.open_log import open_log
+    from slam.config import load_config
+
+    if out.exists() and not overwrite:
+        raise RecordError(f"{out} is there already: choose another name or give --overwrite")
+    source = open_log(log)
+    sensor = load_config(None, source_preset=source.sensor).sensor
+    write_carmen(out, source, source.mounting, sensor.range_max_m)
+    typer.echo(f"{to}: {out}")
+
+
+def _summary(site: Site) -> str:
+    """Size, walls, corners and path of a world in a line."""
+    import numpy as np
+
+    world = site.world()
+    width, height = np.ptp(world.walls.reshape(-1, 2), axis=0)
+    way = "no path" if site.waypoints is None else f"path of {np.hypot(*np.diff(site.waypoints, axis=0).T).sum():.0f} m"
+    return (
+        f"{site.name:16s} {width:.1f} m x {height:.1f} m, {len(world.walls)} walls, {len(world.corners)} corners, {way}"
+    )
