@@ -144,6 +144,18 @@ def paper(
         typer.echo("\n".join(make_page(docs, out, scheduler, workers)))
 
 
+@study.command()
+def scaling(
+    seeds: Annotated[int, typer.Option("--seeds", min=1, help="Simulated runs of each study that is timed.")] = 200,
+    docs: Annotated[Path, typer.Option("--docs", help="Folder of scaling.md.")] = Path("docs"),
+    out: Annotated[Path, typer.Option("--out", help="Folder for the run folders.")] = Path("runs/scaling"),
+) -> None:
+    """Time `study slam` on one worker and on all cores, and put the figures into docs/scaling.md."""
+    from slam.study.scaling import make_scaling_page
+
+    typer.echo("\n".join(make_scaling_page(docs, out, seeds)))
+
+
 def extract_scan(
     log: Annotated[Path, typer.Argument(help="CARMEN log (.clf or .log, also gzipped).", show_default=False)],
     scan: Annotated[int, typer.Option("--scan", min=0, help="Number of the scan, the first is 0.", show_default=False)],
