@@ -73,31 +73,38 @@ def pool(scheduler: str | None = None, workers: int | None = None) -> Iterator[C
         There is no scheduler at the address.
     """
     logging.getLogger("distributed").setLevel(logging.WARNING)
-    if scheduler is None:
-        # One thread each: a task hardly ever lets go of the interpreter. Dask sees to it that a worker's linear algebra
-        # has no threads either. Its page of diagnostics stays on this machine, at any free port.
-        with (
-            LocalCluster(
-                n_workers=workers,
-                threads_per_worker=1,
-                processes=True,
-                dashboard_address="127.0.0.1:0",
-                preload=[__name__],
-            ) as cluster,
-            Client(cluster) as client,
-        ):
-            try:
-                yield client
-            except KeyboardInterrupt:
-                logging.getLogger("distributed").setLevel(logging.ERROR)  # that workers are killed is no news then
-                raise
-        return
+    with _workers_here(workers) if scheduler is None else _connected(scheduler) as client:
+        try:
+            yield client
+        except (KeyboardInterrupt, StudyError):
+            # That workers are killed, or no scheduler is left to take leave of, is no news then.
+            for name in ("distributed", "distributed.client"):
+                logging.getLogger(name).setLevel(logging.CRITICAL)
+            raise
+
+
+@contextmanager
+def _workers_here(workers: int | None) -> Iterator[Client]:
+    # One thread each: a task hardly ever lets go of the interpreter. Dask sees to it that a worker's linear algebra has
+    # no threads either. Its page of diagnostics stays on this machine, at any free port.
+    with (
+        LocalCluster(
+            n_workers=workers,
+            threads_per_worker=1,
+            processes=True,
+            dashboard_address="127.0.0.1:0",
+            preload=[__name__],
+        ) as cluster,
+        Client(cluster) as client,
+    ):
+        yield client
+
+
+def _connected(scheduler: str) -> Client:
     try:
-        client = Client(scheduler, timeout=CONNECT_S)
+        return Client(scheduler, timeout=CONNECT_S)
     except (OSError, ValueError) as error:
         raise StudyError(f"no dask scheduler answers at {scheduler}: {error}") from None
-    with client:
-        yield client
 
 
 def dask_setup(worker: Worker) -> None:
