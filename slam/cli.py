@@ -199,7 +199,7 @@ def _process(source: FrameSource, config: SlamConfig, limit: int | None = None) 
                 raise error or KeyboardInterrupt
             if interrupt.requested:
                 progress.say("stopping: what was done so far is solved and saved; Ctrl-C again to give up")
-            progress.solving(slam.scans)
+            progress.solving()
         return slam.finish(interrupted=interrupt.requested), error
 
 

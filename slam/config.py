@@ -213,16 +213,17 @@ def load_config(
 def to_toml(config: SlamConfig) -> str:
     """Write a configuration as TOML, each value with its meaning and unit beside it."""
     document = tomlkit.document()
-    _fill(document, config)
+    fill_table(document, config)
     return tomlkit.dumps(document)
 
 
-def _fill(table: Any, section: BaseModel) -> None:
+def fill_table(table: Any, section: BaseModel) -> None:
+    """Put each value of a section into a table of TOML, with its meaning and unit beside it."""
     for name, field in type(section).model_fields.items():
         value = getattr(section, name)
         if isinstance(value, BaseModel):
             nested = tomlkit.table()
-            _fill(nested, value)
+            fill_table(nested, value)
             table.add(name, nested)
         else:
             item = tomlkit.item(value)

@@ -13,3 +13,7 @@ class DivergedError(CwlfError):
 
 class RunFolderError(CwlfError):
     """A run folder that cannot be written or read."""
+
+
+class StudyError(CwlfError):
+    """A study whose tasks cannot be done, or not all of them."""

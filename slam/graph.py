@@ -1,5 +1,6 @@
 """The factor graph behind the filter: key frames, odometry between them, and the corners seen from each, on GTSAM."""
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 import gtsam
@@ -106,7 +107,7 @@ class LandmarkGraph:
         DivergedError
             The graph does not determine its unknowns.
         """
-        graph, values, landmarks = self._with_observations(positions_world)
+        graph, values, landmarks = self._with_observations(self._poses, positions_world)
         params = gtsam.LevenbergMarquardtParams()
         params.setMaxIterations(max_iterations)
         params.setRelativeErrorTol(1e-6)
@@ -118,8 +119,7 @@ class LandmarkGraph:
             tree = _eliminate_qr(graph, solution)
             covs = [tree.marginalCovariance(L(int(landmark))) for landmark in landmarks]
         except RuntimeError as error:
-            reason = str(error).strip().splitlines()[0]
-            raise DivergedError(f"the graph of {len(self)} key frames has no unique solution: {reason}") from None
+            raise self._undetermined(error) from None
         poses = [solution.atPose2(X(key)) for key in range(len(self))]
         return GraphEstimate(
             poses_world_robot=np.array([[p.x(), p.y(), p.theta()] for p in poses]).reshape(-1, 3),
@@ -128,6 +128,28 @@ class LandmarkGraph:
             covs=np.array(covs).reshape(-1, 2, 2),
             converged=optimizer.iterations() < max_iterations,
         )
+
+    def pose_covs(self, estimate: GraphEstimate, key_frames: NDArray[np.int64]) -> Array:
+        """Marginal covariances of key frames at a solution, shape (k, 3, 3), each in the key frame's own frame.
+
+        Parameters
+        ----------
+        estimate : of :meth:`optimize`, with no key frame added since.
+        key_frames : indices, shape (k,).
+
+        Raises
+        ------
+        DivergedError
+            The graph does not determine its unknowns.
+        """
+        positions = np.zeros((int(estimate.landmarks.max(initial=-1)) + 1, 2))
+        positions[estimate.landmarks] = estimate.positions_world
+        graph, solution, _ = self._with_observations(estimate.poses_world_robot, positions)
+        try:
+            tree = _eliminate_qr(graph, solution)
+            return np.array([tree.marginalCovariance(X(int(key))) for key in key_frames]).reshape(-1, 3, 3)
+        except RuntimeError as error:
+            raise self._undetermined(error) from None
 
     def unsolved(self, positions_world: Array, covs: Array) -> GraphEstimate:
         """Return the first guesses of the key frames and of the landmarks that :meth:`optimize` would solve for.
@@ -145,6 +167,10 @@ class LandmarkGraph:
             converged=False,
         )
 
+    def _undetermined(self, error: RuntimeError) -> DivergedError:
+        reason = str(error).strip().splitlines()[0]
+        return DivergedError(f"the graph of {len(self)} key frames has no unique solution: {reason}")
+
     def _determined(self) -> NDArray[np.int64]:
         """Return the landmarks that two key frames or more have seen, rising."""
         seen = [observations.landmarks for observations in self._observations]
@@ -152,13 +178,13 @@ class LandmarkGraph:
         return landmarks[counts >= 2]
 
     def _with_observations(
-        self, positions_world: Array
+        self, poses_world_robot: Iterable[Pose], positions_world: Array
     ) -> tuple[gtsam.NonlinearFactorGraph, gtsam.Values, NDArray[np.int64]]:
         landmarks = self._determined()
         held = set(landmarks.tolist())
         graph = gtsam.NonlinearFactorGraph(self._graph)
         values = gtsam.Values()
-        for key, pose in enumerate(self._poses):
+        for key, pose in enumerate(poses_world_robot):
             values.insert(X(key), gtsam.Pose2(*pose))
         for landmark in landmarks:
             values.insert(L(int(landmark)), positions_world[landmark])

@@ -211,6 +211,39 @@ def match_landmarks(landmarks_truth: ArrayLike, landmarks_estimate: ArrayLike, m
     return np.column_stack([rows, columns])[near[rows, columns]]
 
 
+def nees(errors: Array, covs: Array) -> Array:
+    """Normalised estimation error squared of each estimate: chi-square distributed where its covariance is right.
+
+    Parameters
+    ----------
+    errors : estimate less truth, shape (n, d).
+    covs : claimed, shape (n, d, d).
+
+    Returns
+    -------
+    ``e^T P^-1 e``, shape (n,); its expected value is d.
+    """
+    return np.einsum("ki,ki->k", errors, np.linalg.solve(covs, errors[:, :, None])[:, :, 0])
+
+
+def mean_interval(dof: float, samples: int, confidence: float = 0.95) -> tuple[float, float]:
+    """Interval that holds the mean of independent chi-square variables with a probability.
+
+    Bar-Shalom, Li and Kirubarajan (2001), section 5.4: the sum is a chi-square variable of ``samples * dof``.
+
+    Parameters
+    ----------
+    dof : degrees of freedom of each.
+    samples : how many there are, at least 1.
+    confidence : probability of the interval; both tails are alike.
+    """
+    from scipy.stats import chi2
+
+    tail = (1.0 - confidence) / 2.0
+    low, high = chi2.ppf([tail, 1.0 - tail], samples * dof) / samples
+    return float(low), float(high)
+
+
 def _points(landmarks: ArrayLike) -> Array:
     points = np.asarray(landmarks, dtype=np.float64)
     if points.ndim != 2 or points.shape[1] != 2 or not np.isfinite(points).all():

@@ -2,14 +2,21 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
+if TYPE_CHECKING:
+    from distributed import Client
+    from pydantic import BaseModel
+
 study = typer.Typer(
     name="study",
-    help="Tables and figures of the paper, with the true errors beside what is claimed.",
+    help="Monte Carlo with the truth beside: the paper's tables and figures, and the whole of SLAM. What is cut short "
+    "goes on where it was when the same command is given again.",
     no_args_is_help=True,
     add_completion=False,
 )
@@ -18,6 +25,16 @@ Out = Annotated[Path | None, typer.Option("--out", help="Run folder; default run
 Overwrite = Annotated[bool, typer.Option("--overwrite", help="Write into the run folder although it is not empty.")]
 Seed = Annotated[int, typer.Option("--seed", min=0, help="Seed of all that is random.")]
 SigmaRange = Annotated[float, typer.Option("--sigma-range-mm", min=0.001, help="Standard deviation of a range [mm].")]
+Scheduler = Annotated[
+    str | None,
+    typer.Option(
+        "--scheduler", help="Dask scheduler to use, tcp://host:port; see docs/scaling.md.", show_default=False
+    ),
+]
+Workers = Annotated[
+    int | None,
+    typer.Option("--workers", min=1, help="Processes on this machine; default: one a core.", show_default=False),
+]
 
 
 @study.command()
@@ -29,37 +46,67 @@ def corners(
     scans: Annotated[int, typer.Option("--scans", min=1, help="Noisy scans; all methods see the same.")] = 1000,
     sigma_range_mm: SigmaRange = 20.0,
     seed: Seed = 1,
+    scheduler: Scheduler = None,
+    workers: Workers = None,
     out: Out = None,
     overwrite: Overwrite = False,
 ) -> None:
     """Tables I and II: claimed uncertainty of each corner beside its true error, by each method."""
-    from datetime import datetime
-
-    from slam.run_folder import claimed, default_folder
     from slam.study.corners import CornerSettings
     from slam.study.report import study_corners
 
     settings = CornerSettings(environment=environment, scans=scans, sigma_range_mm=sigma_range_mm, seed=seed)
-    with claimed(out or default_folder(f"corners-{environment}", datetime.now()), overwrite=overwrite) as folder:
-        _print(study_corners(folder, settings), folder)
+    with _begun("corners", f"corners-{environment}", settings, out, overwrite, scheduler, workers) as (client, folder):
+        _print(study_corners(client, folder, settings), folder)
 
 
 @study.command()
 def consistency(
     trials: Annotated[int, typer.Option("--trials", min=2, help="Noisy corners of each setting.")] = 500,
     seed: Seed = 1,
+    scheduler: Scheduler = None,
+    workers: Workers = None,
     out: Out = None,
     overwrite: Overwrite = False,
 ) -> None:
     """Where each covariance holds: NEES/2 and bias over noise, incidence, points, angle and distance."""
-    from datetime import datetime
-
-    from slam.run_folder import claimed, default_folder
     from slam.study.consistency import ConsistencySettings
     from slam.study.report import study_consistency
 
-    with claimed(out or default_folder("consistency", datetime.now()), overwrite=overwrite) as folder:
-        _print(study_consistency(folder, ConsistencySettings(trials=trials, seed=seed)), folder)
+    settings = ConsistencySettings(trials=trials, seed=seed)
+    with _begun("consistency", "consistency", settings, out, overwrite, scheduler, workers) as (client, folder):
+        _print(study_consistency(client, folder, settings), folder)
+
+
+@study.command()
+def slam(
+    seeds: Annotated[int, typer.Option("--seeds", min=1, help="Simulated runs, each with a seed of its own.")] = 100,
+    world: Annotated[str, typer.Option("--world", help="What the robot drives through: room.")] = "room",
+    config: Annotated[
+        Path | None, typer.Option("--config", help="TOML file with any of the keys that `cwlf-slam config` prints.")
+    ] = None,
+    limit: Annotated[
+        int | None, typer.Option("--limit", min=1, help="Stop each run after so many scans.", show_default=False)
+    ] = None,
+    seed: Seed = 1,
+    scheduler: Scheduler = None,
+    workers: Workers = None,
+    out: Out = None,
+    overwrite: Overwrite = False,
+) -> None:
+    """Run the whole pipeline on simulated runs: errors, NEES, NIS, associations and duplicates against the truth."""
+    from slam.study.monte_carlo import MonteCarloSettings, world_config
+    from slam.study.report import failed, study_slam
+
+    settings = MonteCarloSettings(
+        world=world, seeds=seeds, scans=limit or 0, seed=seed, config=world_config(world, config)
+    )
+    with _begun("slam", f"slam-{world}", settings, out, overwrite, scheduler, workers) as (client, folder):
+        lines, failures = study_slam(client, folder, settings)
+        _print(lines, folder)
+        if failures:
+            typer.echo(f"cwlf-slam: {failed(folder, failures, seeds)}", err=True)
+            raise typer.Exit(1)
 
 
 @study.command()
@@ -70,7 +117,7 @@ def timing(
     out: Out = None,
     overwrite: Overwrite = False,
 ) -> None:
-    """Figures 3, 4 and 5: time of a corner against its measurements, time and uncertainty step by step."""
+    """Figures 3, 4 and 5: time of a corner against its measurements, step by step; in one process, to measure it."""
     from datetime import datetime
 
     from slam.run_folder import claimed, default_folder
@@ -86,11 +133,27 @@ def timing(
 def paper(
     docs: Annotated[Path, typer.Option("--docs", help="Folder of paper.md.")] = Path("docs"),
     out: Annotated[Path, typer.Option("--out", help="Folder for the run folders of the studies.")] = Path("runs/paper"),
+    scheduler: Scheduler = None,
+    workers: Workers = None,
 ) -> None:
-    """Run all studies and put their tables and pictures into docs/paper.md."""
+    """Run the studies of the paper and put their tables and pictures into docs/paper.md."""
     from slam.study.page import make_page
 
-    typer.echo("\n".join(make_page(docs, out)))
+    _check(scheduler, workers)
+    with _interruptible():
+        typer.echo("\n".join(make_page(docs, out, scheduler, workers)))
+
+
+@study.command()
+def scaling(
+    seeds: Annotated[int, typer.Option("--seeds", min=1, help="Simulated runs of each study that is timed.")] = 200,
+    docs: Annotated[Path, typer.Option("--docs", help="Folder of scaling.md.")] = Path("docs"),
+    out: Annotated[Path, typer.Option("--out", help="Folder for the run folders.")] = Path("runs/scaling"),
+) -> None:
+    """Time `study slam` on one worker and on all cores, and put the figures into docs/scaling.md."""
+    from slam.study.scaling import make_scaling_page
+
+    typer.echo("\n".join(make_scaling_page(docs, out, seeds)))
 
 
 def extract_scan(
@@ -119,6 +182,43 @@ def extract_scan(
 
         draw_scan(plot, f"{source.name}, scan {scan}", taken, features, effective.sensor.range_max_m)
         typer.echo(f"picture: {plot}")
+
+
+@contextmanager
+def _begun(
+    kind: str,
+    name: str,
+    settings: BaseModel,
+    out: Path | None,
+    overwrite: bool,
+    scheduler: str | None,
+    workers: int | None,
+) -> Iterator[tuple[Client, Path]]:
+    """Workers and folder of a study; its finished tasks stay in the folder unless it comes to its end."""
+    from slam.study.folder import study_folder
+    from slam.study.journal import discard, identity
+    from slam.study.tasks import pool
+
+    _check(scheduler, workers)
+    owner = identity(kind, settings)
+    with _interruptible(), study_folder(name, owner, out, overwrite=overwrite) as folder:
+        with pool(scheduler, workers) as client:
+            yield client, folder
+        discard(folder)
+
+
+def _check(scheduler: str | None, workers: int | None) -> None:
+    if scheduler is not None and workers is not None:
+        raise typer.BadParameter("a scheduler has its own workers; drop --workers", param_hint="--scheduler")
+
+
+@contextmanager
+def _interruptible() -> Iterator[None]:
+    try:
+        yield
+    except KeyboardInterrupt:
+        typer.echo("cwlf-slam: interrupted; the same command goes on where it was", err=True)
+        raise typer.Exit(130) from None
 
 
 def _print(lines: list[str], folder: Path) -> None:

@@ -2,7 +2,7 @@
 
 import dataclasses
 import math
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -11,6 +11,7 @@ from pydantic import BaseModel, ConfigDict, Field
 
 from features import SensorModel, fit_line, intersect
 from features.se2 import Array
+from slam.metrics import nees
 from slam.study.methods import GATE_99, METHODS, Method
 
 
@@ -120,7 +121,7 @@ def measure(scene: Scene, trials: int, rng: np.random.Generator, method: Method)
         errors[trial], covs[trial] = intersect(line_a, line_b)
     bearing = math.radians(scene.bearing_deg)
     errors -= scene.distance_m * np.array([math.cos(bearing), math.sin(bearing)])
-    nees = np.einsum("ki,ki->k", errors, np.linalg.solve(covs, errors[:, :, None])[:, :, 0])
+    squares = nees(errors, covs)
     variances = np.diagonal(covs, axis1=1, axis2=2)
     sigma = 1e3 * np.sqrt(variances).mean(axis=0)
     rms = 1e3 * np.sqrt((errors**2).mean(axis=0))
@@ -137,24 +138,26 @@ def measure(scene: Scene, trials: int, rng: np.random.Generator, method: Method)
         "bias_x_mm": float(bias[0]),
         "bias_y_mm": float(bias[1]),
         "bias_mm": float(np.hypot(*bias)),
-        "nees_half": float(nees.mean() / 2.0),
-        "outside_99": float((nees > GATE_99).mean()),
+        "nees_half": float(squares.mean() / 2.0),
+        "outside_99": float((squares > GATE_99).mean()),
     }
 
 
+def scene_task(settings: ConsistencySettings, task: int, seed: int) -> list[dict[str, Any]]:
+    """Measure one setting by each method; all see the same noise."""
+    scene = list(scenes(settings))[task][-1]
+    return [measure(scene, settings.trials, np.random.default_rng(seed), method) for method in METHODS]
+
+
 def consistency_rows(
-    settings: ConsistencySettings, progress: Callable[[float, int], None] = lambda share, corners: None
+    settings: ConsistencySettings, results: Sequence[Sequence[Mapping[str, Any]]]
 ) -> list[dict[str, Any]]:
-    """One row per setting and method; every method sees the same noise, and every setting has its own."""
-    todo = list(scenes(settings))
-    children = np.random.SeedSequence(settings.seed).spawn(len(todo))
-    rows: list[dict[str, Any]] = []
-    for number, ((sweep, value, second, scene), child) in enumerate(zip(todo, children, strict=True), start=1):
-        for method in METHODS:
-            result = measure(scene, settings.trials, np.random.default_rng(child), method)
-            rows.append({"sweep": sweep, "value": value, "second": second, "method": method.key, **result})
-        progress(number / len(todo), number * settings.trials)
-    return rows
+    """One row per setting and method of what the tasks of :func:`scene_task` yielded, in the order of their numbers."""
+    return [
+        {"sweep": sweep, "value": value, "second": second, "method": method.key, **of}
+        for (sweep, value, second, _), result in zip(scenes(settings), results, strict=True)
+        for method, of in zip(METHODS, result, strict=True)
+    ]
 
 
 def consistency_summary(rows: list[dict[str, Any]]) -> dict[str, Any]:

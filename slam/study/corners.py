@@ -1,10 +1,11 @@
 """Noisy scans of an environment, the corners that each method extracts of them, and the true ones beside."""
 
 import dataclasses
+import functools
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,7 +25,8 @@ from sim import (
     room,
     visible_corners,
 )
-from slam.study.methods import METHODS, Method
+from slam.metrics import nees
+from slam.study.methods import METHODS
 
 Environment = Literal["A", "B", "room", "random"]
 
@@ -101,49 +103,44 @@ class Found:
     @property
     def nees(self) -> Array:
         """Squared Mahalanobis distance of each corner from the true one, shape (m,)."""
-        return np.einsum("ki,ki->k", self.errors, np.linalg.solve(self.covs, self.errors[:, :, None])[:, :, 0])
+        return nees(self.errors, self.covs)
 
 
-def places(settings: CornerSettings, rng: np.random.Generator) -> Iterator[tuple[int, World, Pose]]:
-    """Yield the index of the world, the world and the pose of each scan."""
-    if settings.environment == "random":
-        rooms = [random_room(settings.rooms * settings.seed + number) for number in range(settings.rooms)]
-        for scan in range(settings.scans):
-            world = rooms[scan % settings.rooms]
-            yield scan % settings.rooms, world, random_pose(world, rng)
-        return
-    world, sensor = {
-        "A": (environment_a, ENVIRONMENT_A_POSE),
-        "B": (environment_b, ENVIRONMENT_B_POSE),
-        "room": (room, ROOM_POSE),
-    }[settings.environment]
-    shown = world()
-    for _ in range(settings.scans):
-        yield 0, shown, sensor
+@functools.cache
+def worlds(environment: Environment, rooms: int, seed: int) -> tuple[World, ...]:
+    """Make what scans are taken of: one world, or random rooms."""
+    if environment == "random":
+        return tuple(random_room(rooms * seed + number) for number in range(rooms))
+    return ({"A": environment_a, "B": environment_b, "room": room}[environment](),)
 
 
-ROOM_POSE = pose(2.5, 2.0, 0.3)
-"""Where the sensor stands in the demo's room, world frame [m, m, rad]."""
+PLACES: Mapping[str, Pose] = {"A": ENVIRONMENT_A_POSE, "B": ENVIRONMENT_B_POSE, "room": pose(2.5, 2.0, 0.3)}
+"""Where the sensor stands in each environment but the random ones, world frame [m, m, rad]."""
+
+SCANS_OF_TASK = 50
+"""Scans that one task takes; the noise of each task is its own."""
 
 
-def scan_corners(
-    settings: CornerSettings,
-    progress: Callable[[float, int], None] = lambda share, scans: None,
-    methods: tuple[Method, ...] = METHODS,
-) -> tuple[list[Seen], dict[str, Found]]:
-    """Take noisy scans and extract their corners by each method.
+def task_count(settings: CornerSettings) -> int:
+    """Count the tasks of a study."""
+    return math.ceil(settings.scans / SCANS_OF_TASK)
+
+
+def scan_task(settings: CornerSettings, task: int, seed: int) -> dict[str, Any]:
+    """Take the noisy scans of a task and extract their corners by each method.
 
     Parameters
     ----------
-    settings : environment, noise, number of scans, seed.
-    progress : is told the share that is done, 0 to 1, and the number of scans.
-    methods : all on the same scans.
+    settings : environment and noise.
+    task : its number, which says which scans.
+    seed : of noise and poses.
 
     Returns
     -------
-    The worlds, and by key of each method what it found.
+    ``seen``: fields of :class:`Seen` that are counted, by index of the world; ``found``: fields of :class:`Found` by
+    key of the method; all as lists.
     """
-    placing, noise = (np.random.default_rng(child) for child in np.random.SeedSequence(settings.seed).spawn(2))
+    placing, noise = (np.random.default_rng(child) for child in np.random.SeedSequence(seed).spawn(2))
     model = dataclasses.replace(
         sensor_preset("rplidar-s1"),
         sigma_range=settings.sigma_range_mm * 1e-3,
@@ -152,28 +149,79 @@ def scan_corners(
     lidar = dataclasses.replace(
         Lidar.of_preset("rplidar-s1"), sigma_range=model.sigma_range, sigma_bearing=model.sigma_bearing
     )
-    configs = {method.key: method.extraction for method in methods}
+    shown_worlds = worlds(settings.environment, settings.rooms, settings.seed)
     tallies: dict[int, _Tally] = {}
-    lots: dict[str, list[tuple[int, int, NDArray[np.int64], Array, Array, NDArray[np.bool_]]]]
-    lots = {method.key: [] for method in methods}
-    visible: tuple[World, Pose, NDArray[np.bool_]] | None = None
-    for number, (index, world, sensor) in enumerate(places(settings, placing)):
-        tally = tallies.setdefault(index, _Tally(world))
-        # From one pose every scan shows the same.
-        if visible is None or visible[0] is not world or visible[1] is not sensor:
-            visible = world, sensor, tally.look(sensor)
-        clear = visible[2]
-        tally.count()
+    lots: dict[str, list[Found]] = {method.key: [] for method in METHODS}
+    for number in range(task * SCANS_OF_TASK, min((task + 1) * SCANS_OF_TASK, settings.scans)):
+        index = number % len(shown_worlds)
+        world = shown_worlds[index]
+        sensor = PLACES.get(settings.environment)
+        if sensor is None:
+            sensor = random_pose(world, placing)
+        clear = tallies.setdefault(index, _Tally(world)).count(sensor)
         scan = lidar.scan(world, sensor, 0.0, noise)
         truth = transform(inverse(sensor), world.corners)
-        for key, config in configs.items():
-            corners = extract(scan, model, config).corners
+        for method in METHODS:
+            corners = extract(scan, model, method.extraction).corners
             apart = corners.positions[:, None] - truth
             nearest = (apart**2).sum(axis=2).argmin(axis=1)
-            errors = apart[np.arange(len(nearest)), nearest]
-            lots[key].append((number, index, nearest, errors, corners.covs, clear[nearest]))
-        progress((number + 1) / settings.scans, number + 1)
-    return [tallies[index].seen() for index in sorted(tallies)], {key: _found(lot) for key, lot in lots.items()}
+            lots[method.key].append(
+                Found(
+                    scans=np.full(len(nearest), number),
+                    worlds=np.full(len(nearest), index),
+                    corners=nearest,
+                    errors=apart[np.arange(len(nearest)), nearest],
+                    covs=corners.covs,
+                    clear=clear[nearest],
+                )
+            )
+    return {
+        "seen": [[index, tallies[index].lists()] for index in sorted(tallies)],
+        "found": {
+            key: {field.name: _joined(lot, field.name).tolist() for field in dataclasses.fields(Found)}
+            for key, lot in lots.items()
+        },
+    }
+
+
+def gather(settings: CornerSettings, results: Sequence[Mapping[str, Any]]) -> tuple[list[Seen], dict[str, Found]]:
+    """Put together what the tasks of :func:`scan_task` yielded, in the order of their numbers.
+
+    Returns
+    -------
+    The worlds, and by key of each method what it found.
+    """
+    shown_worlds = worlds(settings.environment, settings.rooms, settings.seed)
+    parts: dict[int, list[Mapping[str, list[int]]]] = {}
+    for result in results:
+        for index, lists in result["seen"]:
+            parts.setdefault(index, []).append(lists)
+    seen = []
+    for index, of in sorted(parts.items()):
+        world = shown_worlds[index]
+        order = dict.fromkeys(corner for lists in of for corner in lists["order"])
+        counts = (np.sum([lists[name] for lists in of], axis=0) for name in ("shown", "clear"))
+        seen.append(Seen(world.name, world.corners, world.opening_angles, np.array([*order], np.int64), *counts))
+    found = {method.key: [_found(result["found"][method.key]) for result in results] for method in METHODS}
+    return seen, {
+        key: Found(**{field.name: _joined(lot, field.name) for field in dataclasses.fields(Found)})
+        for key, lot in found.items()
+    }
+
+
+def _found(lists: Mapping[str, list[Any]]) -> Found:
+    return Found(
+        scans=np.array(lists["scans"], np.int64),
+        worlds=np.array(lists["worlds"], np.int64),
+        corners=np.array(lists["corners"], np.int64),
+        errors=np.array(lists["errors"], np.float64).reshape(-1, 2),
+        covs=np.array(lists["covs"], np.float64).reshape(-1, 2, 2),
+        clear=np.array(lists["clear"], np.bool_),
+    )
+
+
+def _joined(lot: Sequence[Found], name: str) -> NDArray[Any]:
+    return np.concatenate([getattr(found, name) for found in lot])
 
 
 class _Tally:
@@ -181,42 +229,28 @@ class _Tally:
 
     def __init__(self, world: World) -> None:
         self._world = world
-        self._order: list[int] = []
+        self._order: dict[int, None] = {}
         self._shown = np.zeros(len(world.corners), dtype=np.int64)
         self._clear = np.zeros(len(world.corners), dtype=np.int64)
+        self._place: Pose | None = None
         self._now: tuple[NDArray[np.int64], NDArray[np.bool_]] = np.empty(0, np.int64), np.empty(0, np.bool_)
 
-    def look(self, sensor: Pose) -> NDArray[np.bool_]:
-        """Whether a scan from a pose shows each corner clearly, shape (k,)."""
-        shown = visible_corners(self._world, sensor, *SHOWN)
-        clear = np.zeros(len(self._world.corners), dtype=np.bool_)
-        clear[visible_corners(self._world, sensor, *CLEAR[:2])] = True
-        clear &= (self._world.opening_angles >= CLEAR[2]) & (self._world.opening_angles <= CLEAR[3])
-        self._order += [corner for corner in shown.tolist() if corner not in self._order]
-        self._now = shown, clear
-        return clear
-
-    def count(self) -> None:
-        """Count a scan from the pose looked from last."""
+    def count(self, sensor: Pose) -> NDArray[np.bool_]:
+        """Count a scan from a pose; return whether it shows each corner clearly, shape (k,)."""
+        if self._place is not sensor:  # from one pose every scan shows the same
+            self._place, self._now = sensor, self._look(sensor)
+            self._order |= dict.fromkeys(self._now[0].tolist())
         shown, clear = self._now
         self._shown[shown] += 1
         self._clear += clear
+        return clear
 
-    def seen(self) -> Seen:
-        """Return what was counted."""
-        world = self._world
-        order = np.array(self._order, dtype=np.int64)
-        return Seen(world.name, world.corners, world.opening_angles, order, self._shown, self._clear)
+    def _look(self, sensor: Pose) -> tuple[NDArray[np.int64], NDArray[np.bool_]]:
+        clear = np.zeros(len(self._world.corners), dtype=np.bool_)
+        clear[visible_corners(self._world, sensor, *CLEAR[:2])] = True
+        clear &= (self._world.opening_angles >= CLEAR[2]) & (self._world.opening_angles <= CLEAR[3])
+        return visible_corners(self._world, sensor, *SHOWN), clear
 
-
-def _found(lot: list[tuple[int, int, NDArray[np.int64], Array, Array, NDArray[np.bool_]]]) -> Found:
-    counts = [len(nearest) for _, _, nearest, _, _, _ in lot]
-    scans, worlds, corners, errors, covs, clear = zip(*lot, strict=True)
-    return Found(
-        scans=np.repeat(np.array(scans), counts),
-        worlds=np.repeat(np.array(worlds), counts),
-        corners=np.concatenate(corners),
-        errors=np.concatenate(errors),
-        covs=np.concatenate(covs),
-        clear=np.concatenate(clear),
-    )
+    def lists(self) -> dict[str, list[int]]:
+        """Return what was counted, by the fields of :class:`Seen`."""
+        return {"order": [*self._order], "shown": self._shown.tolist(), "clear": self._clear.tolist()}

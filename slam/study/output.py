@@ -1,4 +1,4 @@
-"""Files of a study: tables as CSV, summaries as JSON, settings as TOML."""
+"""Files of a study: tables as CSV and Markdown, summaries as JSON, settings as TOML."""
 
 import csv
 import json
@@ -10,6 +10,7 @@ from typing import Any
 import tomlkit
 from pydantic import BaseModel
 
+from slam.config import fill_table
 from slam.errors import RunFolderError
 
 SETTINGS = "settings.toml"
@@ -40,7 +41,7 @@ def write_json(path: Path, value: Mapping[str, Any]) -> None:
     RunFolderError
         The file cannot be written.
     """
-    _write(path, json.dumps(_known(value), indent=2, allow_nan=False) + "\n")
+    write_text(path, json.dumps(_known(value), indent=2, allow_nan=False) + "\n")
 
 
 def write_settings(
@@ -55,27 +56,32 @@ def write_settings(
     """
     document = tomlkit.document()
     document.add("study", tomlkit.item(study))
-    _fill(document, settings)
+    fill_table(document, settings)
     for name, model in (tables or {}).items():
         table = tomlkit.table()
-        _fill(table, model)
+        fill_table(table, model)
         document.add(name, table)
-    _write(folder / SETTINGS, tomlkit.dumps(document))
+    write_text(folder / SETTINGS, tomlkit.dumps(document))
 
 
-def _fill(table: Any, model: BaseModel) -> None:
-    for name, field in type(model).model_fields.items():
-        item = tomlkit.item(getattr(model, name))
-        if field.description:
-            item.comment(field.description)
-        table.add(name, item)
+def write_text(path: Path, text: str) -> None:
+    """Write a text file.
 
-
-def _write(path: Path, text: str) -> None:
+    Raises
+    ------
+    RunFolderError
+        It cannot be written.
+    """
     try:
         path.write_text(text, encoding="utf-8")
     except OSError as error:
         raise RunFolderError(f"{path}: cannot be written: {error.strerror or error}") from None
+
+
+def markdown_table(header: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
+    """Lay rows out as a Markdown table."""
+    lines = [header, ["---"] * len(header), *rows]
+    return "\n".join("| " + " | ".join(line) + " |" for line in lines)
 
 
 def _field(value: Any) -> Any:

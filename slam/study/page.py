@@ -4,14 +4,22 @@ import json
 import re
 import shutil
 from collections.abc import Mapping, Sequence
+from contextlib import AbstractContextManager
 from pathlib import Path
 from typing import Any
+
+from distributed import Client
+from pydantic import BaseModel
 
 from slam.errors import RunFolderError
 from slam.study.consistency import ConsistencySettings
 from slam.study.corner_table import LABELS
 from slam.study.corners import CornerSettings
+from slam.study.folder import study_folder
+from slam.study.journal import JOURNAL, identity
+from slam.study.output import markdown_table
 from slam.study.report import study_consistency, study_corners, study_timing
+from slam.study.tasks import pool
 from slam.study.timing import FORMS, STEPS, TimingSettings
 
 SIGMAS_MM = 10.0, 20.0, 50.0
@@ -25,19 +33,31 @@ PICTURES = {
 }
 
 
-def make_page(docs: Path, runs: Path) -> list[str]:
+def make_page(docs: Path, runs: Path, scheduler: str | None = None, workers: int | None = None) -> list[str]:
     """Run every study into a folder below ``runs``, then fill the tables of ``docs/paper.md`` and its pictures.
+
+    Parameters
+    ----------
+    docs, runs : folders.
+    scheduler, workers : see :func:`slam.study.tasks.pool`; times are measured in this process, with no worker beside.
 
     Raises
     ------
     RunFolderError
         A file cannot be read or written, or the page has no place for a table.
+    StudyError
+        A task failed, or the scheduler is lost.
     """
     try:
-        blocks = {f"corners-{environment}": _corner_table(runs, environment) for environment in ("A", "B", "random")}
-        (runs / "consistency").mkdir(parents=True, exist_ok=True)
+        with pool(scheduler, workers) as client:
+            blocks = {
+                f"corners-{environment}": _corner_table(client, runs, environment)
+                for environment in ("A", "B", "random")
+            }
+            settings = ConsistencySettings()
+            with _folder(runs / "consistency", "consistency", settings) as folder:
+                study_consistency(client, folder, settings)
         (runs / "timing").mkdir(parents=True, exist_ok=True)
-        study_consistency(runs / "consistency", ConsistencySettings())
         study_timing(runs / "timing", TimingSettings())
         summary = json.loads((runs / "timing" / "summary.json").read_text(encoding="utf-8"))
         blocks |= {"figure-3": _figure_3(summary["figure_3"]), "steps": _steps(summary["steps"])}
@@ -47,9 +67,15 @@ def make_page(docs: Path, runs: Path) -> list[str]:
         (docs / "paper").mkdir(exist_ok=True)
         for source, target in PICTURES.items():
             shutil.copyfile(runs / source, docs / "paper" / target)
+        for journal in runs.glob(f"*/{JOURNAL}"):
+            journal.unlink()
     except OSError as error:
         raise RunFolderError(f"{error.filename}: {error.strerror}") from None
     return [f"filled {page}, {len(PICTURES)} pictures in {docs / 'paper'}"]
+
+
+def _folder(path: Path, study: str, settings: BaseModel) -> AbstractContextManager[Path]:
+    return study_folder(study, identity(study, settings), path, overwrite=True)
 
 
 def fill(text: str, blocks: Mapping[str, str]) -> str:
@@ -68,18 +94,12 @@ def fill(text: str, blocks: Mapping[str, str]) -> str:
     return text
 
 
-def table(header: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
-    """Lay rows out as a Markdown table."""
-    lines = [header, ["---"] * len(header), *rows]
-    return "\n".join("| " + " | ".join(line) + " |" for line in lines)
-
-
-def _corner_table(runs: Path, environment: Any) -> str:
+def _corner_table(client: Client, runs: Path, environment: Any) -> str:
     rows: list[list[str]] = []
     for sigma in SIGMAS_MM:
-        folder = runs / f"corners-{environment}-{sigma:g}"
-        folder.mkdir(parents=True, exist_ok=True)
-        study_corners(folder, CornerSettings(environment=environment, sigma_range_mm=sigma))
+        settings = CornerSettings(environment=environment, sigma_range_mm=sigma)
+        with _folder(runs / f"corners-{environment}-{sigma:g}", "corners", settings) as folder:
+            study_corners(client, folder, settings)
         summary = json.loads((folder / "summary.json").read_text(encoding="utf-8"))
         for key, of in summary["methods"].items():
             means, pooled, paper = of["table"], of["pooled"], of["paper_sigma_mm"]
@@ -96,14 +116,16 @@ def _corner_table(runs: Path, environment: Any) -> str:
                 ]
             )
     header = ["sigma_range", "method", "paper claims", "claims", "errs (RMS)", "NEES/2", "outside 99 %", "found"]
-    return table(header, rows)
+    return markdown_table(header, rows)
 
 
 def _figure_3(rows: Sequence[Mapping[str, Any]]) -> str:
     shown = [row for row in rows if row["measurements"] in {10, 50, 90, 100, 200, 1000}]
     header = ["measurements", *(f"{label} [us]" for label, _ in FORMS.values()), "ratio", "ratio, as printed"]
     names = (*(f"{form.replace('-', '_')}_us" for form in FORMS), "ratio_single_sums", "ratio_as_printed")
-    return table(header, [[str(row["measurements"]), *(f"{row[name]:.3g}" for name in names)] for row in shown])
+    return markdown_table(
+        header, [[str(row["measurements"]), *(f"{row[name]:.3g}" for name in names)] for row in shown]
+    )
 
 
 def _steps(rows: Sequence[Mapping[str, Any]]) -> str:
@@ -113,7 +135,7 @@ def _steps(rows: Sequence[Mapping[str, Any]]) -> str:
         of = [taken[environment, count, form, step] for step in STEPS]
         shares = [f"{row['time_us']:.2f} ({row['share']:.0%})" for row in of]
         lines.append([environment, str(count), FORMS[form][0], *shares])
-    return table(["environment", "points", "method", *(f"{step} [us]" for step in STEPS)], lines)
+    return markdown_table(["environment", "points", "method", *(f"{step} [us]" for step in STEPS)], lines)
 
 
 def _uncertainty(rows: Sequence[Mapping[str, Any]]) -> str:
@@ -128,4 +150,4 @@ def _uncertainty(rows: Sequence[Mapping[str, Any]]) -> str:
         ]
         for row in rows
     ]
-    return table(["environment", "points", "method", "claims x / y [mm]", "errs x / y [mm]", "NEES/2"], lines)
+    return markdown_table(["environment", "points", "method", "claims x / y [mm]", "errs x / y [mm]", "NEES/2"], lines)

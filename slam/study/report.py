@@ -1,30 +1,53 @@
 """One function per study: run it, write its files into a folder, return what to print."""
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from slam.errors import RunFolderError
+from distributed import Client
+
+from slam.errors import RunFolderError, StudyError
 from slam.progress import RunProgress
-from slam.study.consistency import ConsistencySettings, consistency_lines, consistency_rows, consistency_summary
+from slam.study.consistency import (
+    ConsistencySettings,
+    consistency_lines,
+    consistency_rows,
+    consistency_summary,
+    scene_task,
+    scenes,
+)
 from slam.study.corner_table import corner_rows, summarise, summary_lines
-from slam.study.corners import CornerSettings, scan_corners
+from slam.study.corners import CornerSettings, gather, scan_task, task_count
 from slam.study.methods import METHODS
-from slam.study.output import write_csv, write_json, write_settings
+from slam.study.monte_carlo import (
+    MonteCarloSettings,
+    consistency_table,
+    monte_carlo_lines,
+    monte_carlo_summary,
+    monte_carlo_table,
+    nees_rows,
+    run_rows,
+    run_task,
+)
+from slam.study.output import markdown_table, write_csv, write_json, write_settings, write_text
+from slam.study.tasks import FAILURES, Failure, Outcome, run_tasks
 from slam.study.timing import TimingSettings, figure_3_rows, step_rows, timing_lines, uncertainty_rows
 
 
-def study_corners(folder: Path, settings: CornerSettings) -> list[str]:
+def study_corners(client: Client, folder: Path, settings: CornerSettings) -> list[str]:
     """Write ``corners.csv``, ``summary.json``, ``corners.png`` and ``settings.toml``; return the summary's lines.
 
     Raises
     ------
     RunFolderError
         A file cannot be written.
+    StudyError
+        A task failed; the others are done.
     """
     from slam.study.plot import draw_corners
 
-    with RunProgress(f"corners of {settings.environment}") as progress:
-        seen, found = scan_corners(settings, progress.update)
+    outcome = run_tasks(client, folder, "corners", settings, scan_task, task_count(settings))
+    seen, found = gather(settings, _all_results(folder, outcome))
     rows = corner_rows(seen, found)
     summary = summarise(settings, seen, found, rows)
     write_settings(folder, "corners", settings, {"extraction": METHODS[2].extraction})
@@ -34,18 +57,21 @@ def study_corners(folder: Path, settings: CornerSettings) -> list[str]:
     return summary_lines(summary)
 
 
-def study_consistency(folder: Path, settings: ConsistencySettings) -> list[str]:
+def study_consistency(client: Client, folder: Path, settings: ConsistencySettings) -> list[str]:
     """Write ``consistency.csv``, ``summary.json``, ``consistency.png`` and ``settings.toml``; return what to print.
 
     Raises
     ------
     RunFolderError
         A file cannot be written.
+    StudyError
+        A task failed; the others are done.
     """
     from slam.study.plot import draw_consistency
 
-    with RunProgress("consistency") as progress:
-        rows = consistency_rows(settings, progress.update)
+    count = len(list(scenes(settings)))
+    outcome = run_tasks(client, folder, "consistency", settings, scene_task, count)
+    rows = consistency_rows(settings, _all_results(folder, outcome))
     summary = consistency_summary(rows)
     write_settings(folder, "consistency", settings)
     write_csv(folder / "consistency.csv", rows)
@@ -54,8 +80,59 @@ def study_consistency(folder: Path, settings: ConsistencySettings) -> list[str]:
     return consistency_lines(summary)
 
 
+def study_slam(client: Client, folder: Path, settings: MonteCarloSettings) -> tuple[list[str], list[Failure]]:
+    """Write ``runs.csv``, ``nees.csv``, ``summary.json``, ``slam.png``, ``page.md`` and ``settings.toml``.
+
+    Runs that failed are named in the summary and in ``failures.txt``, and are in no table.
+
+    Returns
+    -------
+    What to print, and the runs that failed.
+
+    Raises
+    ------
+    RunFolderError
+        A file cannot be written.
+    StudyError
+        All runs failed.
+    """
+    from slam.study.monte_carlo_plot import draw_monte_carlo
+
+    outcome = run_tasks(client, folder, "slam", settings, run_task, settings.seeds)
+    if not outcome.results:
+        raise StudyError(failed(folder, outcome.failures, settings.seeds))
+    results = list(outcome.results.values())
+    rows, traces = run_rows(results), nees_rows(results)
+    summary = monte_carlo_summary(settings, results, outcome.failures)
+    write_settings(folder, "slam", settings)
+    write_csv(folder / "runs.csv", rows)
+    write_csv(folder / "nees.csv", traces)
+    write_json(folder / "summary.json", summary)
+    _draw(draw_monte_carlo, folder / "slam.png", summary, rows, traces)
+    lines = monte_carlo_lines(summary)
+    tables = (markdown_table(cells[0], cells[1:]) for cells in (monte_carlo_table(summary), consistency_table(summary)))
+    write_text(folder / "page.md", "\n\n".join([f"# {lines[0]}", *tables, "![Runs](slam.png)"]) + "\n")
+    return lines, outcome.failures
+
+
+def failed(folder: Path, failures: Sequence[Failure], count: int) -> str:
+    """Say in one line that tasks failed, and what to do."""
+    return (
+        f"{len(failures)} of {count} tasks failed, see {folder / FAILURES}; the others are kept in {folder}: "
+        "the same command tries the failed ones again"
+    )
+
+
+def _all_results(folder: Path, outcome: Outcome) -> list[Any]:
+    if outcome.failures:
+        raise StudyError(failed(folder, outcome.failures, len(outcome.results) + len(outcome.failures)))
+    return list(outcome.results.values())
+
+
 def study_timing(folder: Path, settings: TimingSettings) -> list[str]:
     """Write the data and the counterparts of Fig. 3, 4 and 5 and ``settings.toml``; return what to print.
+
+    It measures time, so it stays in this process: workers beside it would slow each other.
 
     Raises
     ------

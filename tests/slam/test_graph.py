@@ -108,6 +108,14 @@ def test_estimate_and_marginals_are_those_of_dense_least_squares(seed):
         np.testing.assert_allclose(
             estimate.covs[landmark] / np.outer(sigmas, sigmas), cov[block, block] / np.outer(sigmas, sigmas), atol=1e-4
         )
+    pose_covs = problem.graph().pose_covs(estimate, np.array([0, 2]))
+    for key, found in zip((0, 2), pose_covs, strict=True):
+        block = slice(3 * key, 3 * key + 3)
+        turn = block_diag(rotation(expected[key][2]), 1.0)  # ours are in world coordinates
+        sigmas = np.sqrt(np.diag(cov)[block])
+        np.testing.assert_allclose(
+            turn @ found @ turn.T / np.outer(sigmas, sigmas), cov[block, block] / np.outer(sigmas, sigmas), atol=1e-4
+        )
 
 
 def test_errors_are_as_large_as_the_covariances_say():

@@ -1,15 +1,21 @@
 """The commands ``study`` and ``extract`` as a user meets them."""
 
+import json
 import sys
 from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 import pytest
+from distributed import Client
 
 from features.se2 import pose
-from sim import Lidar, room
+from sim import Lidar, SimulatedRun, room, room_run
 from slam.cli import main
+from slam.errors import DivergedError
+from slam.study import simulated
+from slam.study.monte_carlo import world_config
+from slam.study.tasks import task_seed
 
 Call = Callable[..., tuple[int, str, str]]
 
@@ -40,9 +46,10 @@ def log(tmp_path: Path) -> Path:
     return path
 
 
-def test_a_study_prints_its_summary_and_fills_its_folder(cwlf: Call, tmp_path: Path) -> None:
+def test_a_study_prints_its_summary_and_fills_its_folder(cwlf: Call, client: Client, tmp_path: Path) -> None:
     folder = tmp_path / "study"
     command = ("study", "corners", "--environment", "A", "--scans", 3, "--sigma-range-mm", 10, "--out", folder)
+    command += ("--scheduler", client.scheduler.address)
     code, out, _ = cwlf(*command)
     assert code == 0
     assert "23.02 / 18.27" in out
@@ -56,6 +63,64 @@ def test_a_study_prints_its_summary_and_fills_its_folder(cwlf: Call, tmp_path: P
 def test_an_environment_that_is_not_there_is_bad_usage(cwlf: Call) -> None:
     assert cwlf("study", "corners", "--environment", "C")[0] == 2
     assert cwlf("study", "corners")[0] == 2
+
+
+def test_a_scheduler_has_its_own_workers(cwlf: Call) -> None:
+    code, _, err = cwlf("study", "consistency", "--scheduler", "tcp://127.0.0.1:9", "--workers", 2)
+    assert code == 2
+    assert "--workers" in err
+
+
+def test_a_scheduler_that_is_not_there_is_one_line(cwlf: Call, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("slam.study.tasks.CONNECT_S", 0.1)
+    code, _, err = cwlf("study", "consistency", "--scheduler", "tcp://127.0.0.1:9", "--out", tmp_path / "study")
+    assert code == 1
+    assert err.startswith("cwlf-slam: no dask scheduler answers at tcp://127.0.0.1:9")
+    assert not (tmp_path / "study").exists()
+
+
+def test_a_world_that_is_not_there_is_one_line(cwlf: Call, tmp_path: Path) -> None:
+    code, _, err = cwlf("study", "slam", "--world", "moon", "--out", tmp_path / "study")
+    assert code == 1
+    assert err.strip() == "cwlf-slam: there is no world 'moon' to simulate: known are room"
+
+
+def test_an_interrupted_study_says_how_to_go_on(
+    cwlf: Call, client: Client, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def interrupted(*_: object) -> None:
+        raise KeyboardInterrupt
+
+    command = ("study", "corners", "--environment", "A", "--scans", 60, "--out", tmp_path / "study")
+    command += ("--scheduler", client.scheduler.address)
+    with monkeypatch.context() as patched:
+        patched.setattr("slam.study.report.gather", interrupted)
+        code, _, err = cwlf(*command)
+    assert code == 130
+    assert "the same command goes on" in err
+    code, _, err = cwlf(*command)
+    assert code == 0
+    assert "2 of 2 tasks are done" in err
+
+
+def test_a_run_that_fails_is_told_and_the_others_are_summarised(
+    cwlf: Call, client: Client, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def simulate(source: SimulatedRun, *_: object) -> dict[str, object]:
+        if source.name == f"room-{task_seed(1, 1)}":
+            raise DivergedError("lost")
+        return done
+
+    done = simulated.simulate(room_run(1), world_config("room", None), 5)
+    monkeypatch.setattr("slam.study.monte_carlo.simulate", simulate)
+    folder = tmp_path / "study"
+    code, out, err = cwlf("study", "slam", "--seeds", 3, "--out", folder, "--scheduler", client.scheduler.address)
+    assert code == 1
+    assert "2 runs through room, 1 failed" in out
+    assert "1 of 3 tasks failed" in err
+    assert json.loads((folder / "summary.json").read_text())["failures"] == [
+        {"run": 1, "seed": task_seed(1, 1), "error": "DivergedError: lost"}
+    ]
 
 
 def test_extract_prints_lines_and_corners_and_draws(cwlf: Call, log: Path, tmp_path: Path) -> None:

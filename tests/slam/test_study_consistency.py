@@ -4,21 +4,22 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from distributed import Client
 
 from slam.study.consistency import (
     SWEEPS,
     ConsistencySettings,
     Scene,
-    consistency_lines,
     consistency_rows,
-    consistency_summary,
     measure,
     noisy_walls,
+    scene_task,
     scenes,
 )
 from slam.study.methods import METHODS, Method
 from slam.study.output import write_csv
-from slam.study.plot import draw_consistency
+from slam.study.report import study_consistency
+from slam.study.tasks import task_seed
 
 QUIET = Scene(1e-9, 1e-9, 0.391, 2.0, 4.0, 90.0, 30.0)
 
@@ -66,14 +67,24 @@ def test_consistent_methods_are_near_one_and_the_papers_is_not(sigma_mm: float) 
     assert half["cwlf-paper"] > 1.5
 
 
-def test_the_study_repeats_to_the_byte_and_draws(tmp_path: Path) -> None:
-    folder = tmp_path
+def test_the_study_writes_what_its_tasks_yield_and_draws(tmp_path: Path, client: Client) -> None:
     settings = ConsistencySettings(trials=3, seed=5)
-    for name in ("one.csv", "two.csv"):
-        rows = consistency_rows(settings)
-        write_csv(folder / name, rows)
-    assert (folder / "one.csv").read_bytes() == (folder / "two.csv").read_bytes()
-    assert len(rows) == len(METHODS) * len(list(scenes(settings)))
-    assert len(consistency_lines(consistency_summary(rows))) == len(METHODS) + 1
-    draw_consistency(folder / "page.png", settings, rows)
-    assert (folder / "page.png").read_bytes().startswith(b"\x89PNG")
+    lines = study_consistency(client, tmp_path, settings)
+    assert len(lines) == len(METHODS) + 1
+    count = len(list(scenes(settings)))
+    results = [scene_task(settings, task, task_seed(5, task)) for task in range(count)]
+    write_csv(tmp_path / "expected.csv", consistency_rows(settings, results))
+    assert (tmp_path / "consistency.csv").read_bytes() == (tmp_path / "expected.csv").read_bytes()
+    assert (tmp_path / "consistency.png").read_bytes().startswith(b"\x89PNG")
+
+
+def test_a_task_measures_its_scene_by_all_methods() -> None:
+    settings = ConsistencySettings(trials=4)
+    listed = list(scenes(settings))
+    results = [scene_task(settings, task, seed=task) for task in range(len(listed))]
+    rows = consistency_rows(settings, results)
+    task = 17
+    sweep, value, second, scene = listed[task]
+    for row, method in zip(rows[task * len(METHODS) :], METHODS, strict=False):
+        expected = measure(scene, 4, np.random.default_rng(task), method)
+        assert row == {"sweep": sweep, "value": value, "second": second, "method": method.key, **expected}

@@ -7,14 +7,23 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from distributed import Client
 
 from slam.study.corner_table import PAPER_MEANS_MM, corner_rows, summarise, summary_lines
-from slam.study.corners import CornerSettings, Found, Seen, scan_corners
+from slam.study.corners import CornerSettings, Found, Seen, gather, scan_task, task_count
 from slam.study.methods import METHODS
 from slam.study.report import study_corners
+from slam.study.tasks import task_seed
 
 KEYS = [method.key for method in METHODS]
 EVERYWHERE = [(environment, sigma) for environment in ("A", "B", "random") for sigma in (10.0, 20.0)]
+
+
+def scan_corners(settings: CornerSettings) -> tuple[list[Seen], dict[str, Found]]:
+    """Do all tasks, one after the other."""
+    return gather(
+        settings, [scan_task(settings, task, task_seed(settings.seed, task)) for task in range(task_count(settings))]
+    )
 
 
 @pytest.fixture(scope="module", params=EVERYWHERE, ids=lambda param: f"{param[0]}-{param[1]:g}mm")
@@ -67,11 +76,11 @@ def test_tables_hold_what_was_found(studied: tuple[CornerSettings, list[Seen], d
     assert len(summary_lines(summary)) == len(KEYS) + 4
 
 
-def test_a_study_repeats_to_the_byte_and_says_how(tmp_path: Path) -> None:
-    settings = CornerSettings(environment="B", scans=5, seed=7)
+def test_a_study_repeats_to_the_byte_and_says_how(tmp_path: Path, client: Client) -> None:
+    settings = CornerSettings(environment="B", scans=60, seed=7)  # two tasks
     for name in ("one", "two"):
         (tmp_path / name).mkdir()
-        lines = study_corners(tmp_path / name, settings)
+        lines = study_corners(client, tmp_path / name, settings)
     assert lines[0].startswith("environment B")
     one, two = tmp_path / "one", tmp_path / "two"
     for name in ("corners.csv", "summary.json", "settings.toml"):
@@ -80,7 +89,7 @@ def test_a_study_repeats_to_the_byte_and_says_how(tmp_path: Path) -> None:
     with (one / "corners.csv").open() as file:
         rows = list(csv.DictReader(file))
     assert len(rows) == len(KEYS) * 15
-    assert json.loads((one / "summary.json").read_text())["scans"] == 5
+    assert json.loads((one / "summary.json").read_text())["scans"] == 60
     written = tomllib.loads((one / "settings.toml").read_text())
     assert (written["environment"], written["seed"], written["extraction"]["fit"]) == ("B", 7, "effective-variance")
 

@@ -1,0 +1,187 @@
+"""Many simulated runs of the whole pipeline: how large its errors are, and whether they are as large as it claims."""
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from pydantic import BaseModel, ConfigDict, Field
+
+from features.se2 import Array
+from slam.config import SlamConfig, load_config
+from slam.ekf import POSE_DIM
+from slam.errors import StudyError
+from slam.metrics import mean_interval
+from slam.study.simulated import INSTANTS, WORLDS, simulate
+from slam.study.tasks import Failure
+
+FIGURES: Mapping[str, tuple[str, float, str, bool]] = {
+    "ate_online_m": ("ATE, online", 1e3, "mm", True),
+    "ate_final_m": ("ATE, final", 1e3, "mm", True),
+    "landmark_rmse_m": ("landmark RMSE", 1e3, "mm", True),
+    "association_precision": ("association precision", 100.0, "%", False),
+    "association_recall": ("association recall", 100.0, "%", False),
+    "landmarks": ("landmarks", 1.0, "", True),
+    "duplicates": ("duplicates", 1.0, "", True),
+    "false_landmarks": ("landmarks that are no corner", 1.0, "", True),
+}
+"""What is summarised over the runs: label, factor and unit of its display, and whether less is better."""
+
+TRACES: Mapping[str, str] = {"nees_ekf": "filter", "nees_graph": "graph"}
+"""Poses whose NEES is followed over the runs."""
+
+
+class MonteCarloSettings(BaseModel):
+    """What a study of simulated runs depends on."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
+
+    world: str = Field(description=f"what is driven through: {', '.join(WORLDS)}")
+    seeds: int = Field(ge=1, description="runs, each with a seed of its own")
+    scans: int = Field(default=0, ge=0, description="a run stops after so many scans; 0: at its end")
+    seed: int = Field(default=1, ge=0, description="of the study; those of the runs are made of it")
+    config: SlamConfig = Field(description="of every run")
+
+
+def world_config(world: str, path: Path | None) -> SlamConfig:
+    """Put a configuration together: that of the sensor that drives through a world, over it a TOML file.
+
+    Raises
+    ------
+    StudyError
+        There is no such world.
+    ConfigError
+        See :func:`slam.config.load_config`.
+    """
+    if world not in WORLDS:
+        raise StudyError(f"there is no world {world!r} to simulate: known are {', '.join(WORLDS)}")
+    source = WORLDS[world](0)
+    return load_config(path, source_preset=source.sensor, source_mounting=source.mounting)
+
+
+def run_task(settings: MonteCarloSettings, task: int, seed: int) -> dict[str, Any]:
+    """Do one run; see :func:`slam.study.simulated.simulate`."""
+    result = simulate(WORLDS[settings.world](seed), settings.config, settings.scans)
+    return result | {"row": {"run": task, "seed": seed} | result["row"]}
+
+
+def run_rows(results: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
+    """One row per run: its figures, NIS per degree of freedom, and the means over its instants of the pose's NEES."""
+    rows = []
+    for result in results:
+        row = dict(result["row"])
+        row["nis"] = row["nis"] / row["nis_dof"] if row["nis_dof"] else None
+        means = {name: None if result[name] is None else float(np.mean(result[name])) for name in TRACES}
+        rows.append(row | means)
+    return rows
+
+
+def nees_rows(results: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
+    """One row per instant and estimate: mean of the pose's NEES over the runs and the interval of such a mean."""
+    rows = []
+    for name, label in TRACES.items():
+        of_runs = _trace(results, name)
+        if not len(of_runs):
+            continue
+        low, high = mean_interval(POSE_DIM, len(of_runs))
+        for instant, mean in enumerate(of_runs.mean(axis=0), start=1):
+            rows.append(
+                {
+                    "pose_of": label,
+                    "share_of_run": instant / INSTANTS,
+                    "runs": len(of_runs),
+                    "nees": float(mean),
+                    "low_95": low,
+                    "high_95": high,
+                }
+            )
+    return rows
+
+
+def _trace(results: Sequence[Mapping[str, Any]], name: str) -> Array:
+    """NEES of the pose in the runs that have it, shape (runs, instants)."""
+    return np.array([result[name] for result in results if result[name] is not None])
+
+
+def monte_carlo_summary(
+    settings: MonteCarloSettings, results: Sequence[Mapping[str, Any]], failures: Sequence[Failure]
+) -> dict[str, Any]:
+    """Summary of all runs.
+
+    NEES of the pose: mean over runs and instants, beside the interval that holds the mean over as many independent runs
+    at one instant with 95 %, and the share of the instants whose mean it holds. Instants of a run depend on each other,
+    so for the mean over them too the interval is wide rather than narrow. NIS: mean per degree of freedom; innovations
+    are independent, so the interval is that of all of them. Anything else: mean, the value that 95 % of the runs do not
+    exceed (or do not fall short of, where more is better), and the worst.
+    """
+    rows = [result["row"] for result in results]
+    nis, dof = (sum(row[name] for row in rows) for name in ("nis", "nis_dof"))
+    return {
+        "world": settings.world,
+        "runs": len(rows),
+        "failures": [{"run": of.task, "seed": of.seed, "error": of.error} for of in failures],
+        "graph_not_converged": sum(not row["graph_converged"] for row in rows),
+        "pose_nees": {
+            label: {
+                "runs": len(of_runs),
+                "mean": float(of_runs.mean()),
+                "expected": POSE_DIM,
+                "interval_95": list(mean_interval(POSE_DIM, len(of_runs))),
+                "instants_inside": float(np.mean([_inside(mean, len(of_runs)) for mean in of_runs.mean(axis=0)])),
+            }
+            for name, label in TRACES.items()
+            if len(of_runs := _trace(results, name))
+        },
+        "nis": {"dof": dof, "mean": nis / dof, "expected": 1, "interval_95": [x / dof for x in mean_interval(dof, 1)]}
+        if dof
+        else None,
+        "figures": {name: _spread([row[name] for row in rows], less) for name, (_, _, _, less) in FIGURES.items()},
+    }
+
+
+def _inside(mean: float, runs: int) -> bool:
+    low, high = mean_interval(POSE_DIM, runs)
+    return low <= mean <= high
+
+
+def _spread(values: Sequence[float | None], less_is_better: bool) -> dict[str, float] | None:
+    known = [value for value in values if value is not None]
+    if not known:
+        return None
+    return {
+        "runs": len(known),
+        "mean": float(np.mean(known)),
+        "p95": float(np.percentile(known, 95.0 if less_is_better else 5.0)),
+        "worst": float(max(known) if less_is_better else min(known)),
+    }
+
+
+def monte_carlo_table(summary: Mapping[str, Any]) -> list[list[str]]:
+    """Cells of the summary, a heading first, then one row per figure."""
+    cells = [["", "mean", "95 % of runs", "worst run"]]
+    for name, (label, factor, unit, _) in FIGURES.items():
+        of = summary["figures"][name]
+        values = ["-"] * 3 if of is None else [f"{factor * of[key]:.4g}" for key in ("mean", "p95", "worst")]
+        cells.append([f"{label} [{unit}]" if unit else label, *values])
+    return cells
+
+
+def consistency_table(summary: Mapping[str, Any]) -> list[list[str]]:
+    """Cells of what tells whether the covariances hold, a heading first."""
+    cells = [["", "mean", "right", "95 % interval", "instants inside"]]
+    named = {f"pose NEES, {label}": of for label, of in summary["pose_nees"].items()}
+    if summary["nis"] is not None:
+        named["NIS per degree of freedom"] = summary["nis"]
+    for label, of in named.items():
+        low, high = of["interval_95"]
+        inside = f"{of['instants_inside']:.0%}" if "instants_inside" in of else ""
+        cells.append([label, f"{of['mean']:.3f}", str(of["expected"]), f"{low:.3f} .. {high:.3f}", inside])
+    return cells
+
+
+def monte_carlo_lines(summary: Mapping[str, Any]) -> list[str]:
+    """Lay the summary out for a terminal."""
+    lines = [f"{summary['runs']} runs through {summary['world']}, {len(summary['failures'])} failed"]
+    for cells in (monte_carlo_table(summary), consistency_table(summary)):
+        lines += [f"{row[0]:<30}" + "".join(f"{cell:>18}" for cell in row[1:]) for row in cells]
+    return lines

@@ -1,0 +1,180 @@
+"""One simulated run through the whole pipeline, held against its truth: errors, consistency, associations."""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from features.se2 import Array, Pose, between, transform, wrap_angle
+from sim import SimulatedRun, room_run
+from slam.association import Association
+from slam.config import SlamConfig
+from slam.ekf import LandmarkEkf
+from slam.errors import DivergedError
+from slam.evaluate import CORNER_DISTANCE, evaluate_simulated
+from slam.graph import GraphEstimate
+from slam.metrics import ate, nees
+from slam.pipeline import Slam
+from slam.trajectory import Trajectory
+
+WORLDS: Mapping[str, Callable[[int], SimulatedRun]] = {"room": room_run}
+"""Simulated runs by the name of their world; each is made from a seed."""
+
+INSTANTS = 20
+"""A run is held against its truth so many times, at equal intervals, the last time at its end."""
+
+
+class WatchedSlam(Slam):
+    """SLAM that lets its filter and the solution of its graph be seen."""
+
+    estimate: GraphEstimate
+
+    @property
+    def filter(self) -> LandmarkEkf:
+        """The filter as it is now."""
+        return self._filter
+
+    @property
+    def key_frame_records(self) -> NDArray[np.int64]:
+        """Number of the record of each key frame, shape (k,)."""
+        return np.array([key_frame.record for key_frame in self._key_frames])
+
+    def pose_covs(self, key_frames: NDArray[np.int64]) -> Array:
+        """Marginal covariances of key frames after :meth:`finish`; see :meth:`slam.graph.LandmarkGraph.pose_covs`."""
+        return self._graph.pose_covs(self.estimate, key_frames)
+
+    def _solve(self) -> GraphEstimate:
+        self.estimate = super()._solve()
+        return self.estimate
+
+
+@dataclass(slots=True)
+class AssociationScore:
+    """Counts associations against the true corner of each observation.
+
+    A landmark is the corner whose observation it was born of. A match is right if its observation is of that corner; an
+    observation is known if some landmark was its corner already.
+
+    Parameters
+    ----------
+    matches, right : observations that were associated, and those of them that belong to their landmark.
+    known : observations of corners that were on the map.
+    corners : true corner of each landmark, -1 for none.
+    """
+
+    matches: int = 0
+    right: int = 0
+    known: int = 0
+    corners: list[int] = field(default_factory=list)
+
+    def count(self, association: Association, labels: NDArray[np.int64]) -> None:
+        """Count what became of the observations of one scan.
+
+        Parameters
+        ----------
+        association : of the observed corners.
+        labels : true corner of each observed one, -1 for none, shape (k,).
+        """
+        known = np.isin(labels, self.corners) & (labels >= 0)
+        of_landmarks = np.array(self.corners, dtype=np.int64)[association.landmarks]
+        matched = labels[association.corners]
+        self.matches += len(matched)
+        self.right += int(((matched == of_landmarks) & (matched >= 0)).sum())
+        self.known += int(known.sum())
+        self.corners += labels[association.new].tolist()
+
+
+def true_corners(corners_world: Array, positions_world: Array) -> NDArray[np.int64]:
+    """Corner of the world that each position is nearest to, -1 where it is none, shape (k,).
+
+    Parameters
+    ----------
+    corners_world : shape (n, 2) [m].
+    positions_world : observed corners as seen from the true pose, shape (k, 2) [m].
+    """
+    distances = np.linalg.norm(positions_world[:, None] - corners_world, axis=2)
+    nearest = distances.argmin(axis=1)
+    return np.where(distances[np.arange(len(nearest)), nearest] <= CORNER_DISTANCE, nearest, -1)
+
+
+def simulate(source: SimulatedRun, config: SlamConfig, scans: int = 0) -> dict[str, Any]:
+    """Run SLAM on a simulated robot and compare.
+
+    Parameters
+    ----------
+    source : the run, with its truth.
+    config : of SLAM.
+    scans : stop after so many; 0 for all.
+
+    Returns
+    -------
+    ``row`` with the figures of the run, and NEES of the pose at :data:`INSTANTS` by the filter (``nees_ekf``) and by
+    the graph (``nees_graph``, None where it has no unique solution).
+
+    Raises
+    ------
+    DivergedError
+        The filter diverged.
+    """
+    slam = WatchedSlam(config)
+    score, nis, nis_dof = AssociationScore(), 0.0, 0
+    updates: list[int] = []
+    errors: list[Pose] = []
+    covs: list[Array] = []
+    records = 0
+    for records, (frame, truth) in enumerate(zip(source, source.poses_world_robot, strict=True), start=1):
+        step = slam.process(frame)
+        if step.association is not None and step.features is not None:
+            corners = step.features.corners.to_robot(source.mounting).positions
+            score.count(step.association, true_corners(source.world.corners, transform(truth, corners)))
+            if matches := len(step.association.corners):
+                nis += float(slam.filter.mahalanobis) ** 2
+                nis_dof += 2 * matches
+            error = slam.filter.pose - truth
+            updates.append(records - 1)
+            errors.append(np.array([error[0], error[1], wrap_angle(error[2])]))
+            covs.append(slam.filter.pose_cov)
+        if slam.scans == scans > 0:
+            break
+    result = slam.finish()
+    report = evaluate_simulated(source, result)
+    instants = np.arange(1, INSTANTS + 1) * (records - 1) / INSTANTS
+    latest = np.searchsorted(updates, instants, side="right") - 1
+    landmarks = np.array(score.corners)[result.landmarks.ids]
+    genuine = landmarks[landmarks >= 0]
+    row = {
+        "ate_online_m": ate(Trajectory(source.stamps, source.poses_world_robot), result.trajectory_online).rmse_m,
+        "ate_final_m": report.ate_rmse_m,
+        "ate_odometry_m": report.odometry_ate_rmse_m,
+        "landmark_rmse_m": report.landmark_rmse_m,
+        "nis": nis,
+        "nis_dof": nis_dof,
+        "association_precision": score.right / score.matches if score.matches else None,
+        "association_recall": score.right / score.known if score.known else None,
+        "landmarks": len(landmarks),
+        "duplicates": len(genuine) - len(set(genuine.tolist())),
+        "false_landmarks": len(landmarks) - len(genuine),
+        "corners_mapped": report.corners_mapped,
+        "key_frames": result.metrics.key_frames,
+        "graph_converged": result.metrics.graph_converged,
+    }
+    return {
+        "row": row,
+        "nees_ekf": nees(np.array(errors)[latest], np.array(covs)[latest]).tolist(),
+        "nees_graph": _graph_nees(slam, source.poses_world_robot, instants),
+    }
+
+
+def _graph_nees(slam: WatchedSlam, poses_world_robot: Array, instants: Array) -> list[float] | None:
+    """NEES of the key frame at each instant or the last one before it."""
+    records = slam.key_frame_records
+    latest = np.searchsorted(records, instants, side="right") - 1
+    try:
+        covs = slam.pose_covs(latest)
+    except DivergedError:
+        return None
+    estimates = slam.estimate.poses_world_robot[latest]
+    errors = [between(pose, truth) for pose, truth in zip(estimates, poses_world_robot[records[latest]], strict=True)]
+    return nees(np.array(errors), covs).tolist()

@@ -1,0 +1,166 @@
+"""Simulated runs against their truth: scores by hand, statistics against what they are of, and the summary."""
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+from scipy.stats import chi2
+
+from features.se2 import between
+from sim import room_run
+from slam.association import Association, associate
+from slam.evaluate import evaluate_simulated
+from slam.metrics import ate, mean_interval, nees
+from slam.study.monte_carlo import (
+    MonteCarloSettings,
+    monte_carlo_lines,
+    monte_carlo_summary,
+    nees_rows,
+    run_rows,
+    world_config,
+)
+from slam.study.simulated import INSTANTS, AssociationScore, WatchedSlam, simulate, true_corners
+from slam.trajectory import Trajectory
+
+CONFIG = world_config("room", None)
+SCANS = 60
+
+
+def associated(corners: list[int], landmarks: list[int], new: list[int]) -> Association:
+    return Association(*(np.array(of, np.int64) for of in (corners, landmarks, new)))
+
+
+def test_associations_are_scored_against_the_corner_that_a_landmark_was_born_of() -> None:
+    score = AssociationScore()
+    score.count(associated([], [], [0, 1, 2]), np.array([7, 8, -1]))
+    assert score == AssociationScore(0, 0, 0, [7, 8, -1])
+    # Right, wrong, one of no corner to a landmark of none, one that is left out, and one that is born a second time.
+    score.count(associated([0, 1, 2], [0, 0, 2], [4]), np.array([7, 8, -1, 8, 7]))
+    assert score == AssociationScore(matches=3, right=1, known=4, corners=[7, 8, -1, 7])
+
+
+def test_an_observation_is_the_nearest_corner_if_one_is_near() -> None:
+    corners = np.array([[0.0, 0.0], [1.0, 0.0]])
+    seen = np.array([[0.1, 0.1], [0.8, -0.1], [0.5, 0.0], [5.0, 5.0]])
+    assert true_corners(corners, seen).tolist() == [0, 1, -1, -1]
+    assert true_corners(corners, np.empty((0, 2))).tolist() == []
+
+
+def test_nees_of_right_covariances_has_the_mean_and_interval_of_chi_square() -> None:
+    rng = np.random.default_rng(1)
+    factor = rng.normal(size=(3, 3))
+    cov = factor @ factor.T
+    errors = rng.multivariate_normal(np.zeros(3), cov, size=4000)
+    squares = nees(errors, np.broadcast_to(cov, (4000, 3, 3)))
+    np.testing.assert_allclose(squares[:5], [e @ np.linalg.inv(cov) @ e for e in errors[:5]], rtol=1e-9)
+    # Of 400 means of ten, 95 % are in their interval; the share has a standard deviation of 1.1 %, three of them here.
+    low, high = mean_interval(3, 10)
+    means = squares.reshape(-1, 10).mean(axis=1)
+    assert abs(np.mean((means > low) & (means < high)) - 0.95) < 0.033
+    assert mean_interval(3, 1, 0.9) == pytest.approx(chi2.interval(0.9, 3))
+
+
+@pytest.fixture(scope="module")
+def run() -> dict[str, Any]:
+    return simulate(room_run(5), CONFIG, SCANS)
+
+
+def test_a_run_is_held_against_its_truth(run: dict[str, Any]) -> None:
+    """The figures are those of the pipeline run without being watched; NEES of the last update is made by hand."""
+    source = room_run(5)
+    slam = WatchedSlam(CONFIG)
+    for record, frame in enumerate(source):
+        step = slam.process(frame)
+        if step.association is not None:
+            filter_error = slam.filter.pose - source.poses_world_robot[record]
+            filter_cov = slam.filter.pose_cov
+        if slam.scans == SCANS:
+            break
+    result = slam.finish()
+    row = run["row"]
+    truth = Trajectory(source.stamps, source.poses_world_robot)
+    assert row["ate_online_m"] == ate(truth, result.trajectory_online).rmse_m
+    assert row["ate_final_m"] == evaluate_simulated(source, result).ate_rmse_m
+    assert row["landmarks"] == len(result.landmarks)
+    assert run["nees_ekf"][-1] == pytest.approx(filter_error @ np.linalg.solve(filter_cov, filter_error))
+    last = len(slam.key_frame_records) - 1
+    error = between(slam.estimate.poses_world_robot[last], source.poses_world_robot[slam.key_frame_records[last]])
+    assert run["nees_graph"][-1] == pytest.approx(
+        error @ np.linalg.solve(slam.pose_covs(np.array([last]))[0], error), rel=1e-6
+    )
+    assert len(run["nees_ekf"]) == len(run["nees_graph"]) == INSTANTS
+
+
+def test_a_quiet_room_is_associated_without_fault(run: dict[str, Any]) -> None:
+    row = run["row"]
+    assert (row["association_precision"], row["association_recall"]) == (1.0, 1.0)
+    assert (row["duplicates"], row["false_landmarks"]) == (0, 0)
+    # Two coordinates of ten corners or more at each of some fifty updates: the mean is within 10 % of 1 by far, were it
+    # not that the odometry is better than the filter is told.
+    assert 0.7 < row["nis"] / row["nis_dof"] < 1.1
+
+
+def test_associations_that_go_wrong_are_noticed(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Each matched corner is given to the landmark of its neighbour."""
+
+    def exchanged(*arguments: Any) -> Association:
+        found = associate(*arguments)
+        return replace(found, landmarks=np.roll(found.landmarks, 1))
+
+    monkeypatch.setattr("slam.pipeline.associate", exchanged)
+    assert simulate(room_run(5), CONFIG, 10)["row"]["association_precision"] < 0.2
+
+
+def results(count: int, scale: float, seed: int) -> list[dict[str, Any]]:
+    """Runs whose pose errors are as large as claimed, or ``scale`` times so."""
+    rng = np.random.default_rng(seed)
+    return [
+        {
+            "row": {
+                "run": number,
+                "seed": number,
+                "ate_online_m": 0.001 * (number + 1),
+                "ate_final_m": 0.001,
+                "landmark_rmse_m": None if number == 0 else 0.002,
+                "nis": float(scale**2 * rng.chisquare(400)),
+                "nis_dof": 400,
+                "association_precision": 1.0 - 0.01 * number,
+                "association_recall": 1.0,
+                "landmarks": 10,
+                "duplicates": 0,
+                "false_landmarks": 0,
+                "graph_converged": number != 3,
+            },
+            "nees_ekf": (scale**2 * rng.chisquare(3, INSTANTS)).tolist(),
+            "nees_graph": None if number == 1 else rng.chisquare(3, INSTANTS).tolist(),
+        }
+        for number in range(count)
+    ]
+
+
+@pytest.mark.parametrize(("scale", "consistent"), [(1.0, True), (1.3, False)])
+def test_the_summary_tells_right_covariances_from_wrong_ones(scale: float, consistent: bool) -> None:
+    lot = results(100, scale, seed=2)
+    summary = monte_carlo_summary(MonteCarloSettings(world="room", seeds=100, config=CONFIG), lot, [])
+    for of in (summary["pose_nees"]["filter"], summary["nis"]):
+        low, high = of["interval_95"]
+        assert (low < of["mean"] < high) == consistent
+    assert (summary["pose_nees"]["filter"]["instants_inside"] > 0.8) == consistent
+    assert summary["pose_nees"]["graph"]["runs"] == 99
+    assert summary["graph_not_converged"] == 1
+    errors = summary["figures"]["ate_online_m"]
+    assert (errors["mean"], errors["p95"], errors["worst"]) == pytest.approx((0.0505, 0.09505, 0.1))
+    assert summary["figures"]["association_precision"]["worst"] == pytest.approx(0.01)
+    assert summary["figures"]["landmark_rmse_m"]["runs"] == 99
+    assert any("95.05" in line for line in monte_carlo_lines(summary))
+
+
+def test_tables_have_a_row_per_run_and_per_instant() -> None:
+    lot = results(8, 1.0, seed=3)
+    rows, traces = run_rows(lot), nees_rows(lot)
+    assert [row["nees_graph"] is None for row in rows] == [number == 1 for number in range(8)]
+    assert rows[2]["nis"] == pytest.approx(lot[2]["row"]["nis"] / 400)
+    assert len(traces) == 2 * INSTANTS
+    assert traces[0]["nees"] == pytest.approx(np.mean([result["nees_ekf"][0] for result in lot]))
+    assert (traces[0]["low_95"], traces[0]["high_95"]) == pytest.approx(mean_interval(3, 8))
