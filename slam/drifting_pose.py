@@ -55,15 +55,6 @@ class DriftingPose:
         self.pose = _shifted(self.pose, change)
         self.cov = _symmetric(shrink @ self.cov)
 
-    def redefine(self, share: Array) -> None:
-        """Let the frame take over a share, shape (3, 3), of the error of the pose (eq. M32)."""
-        taken = share @ self.cov
-        for anchor in self._anchors:
-            shared = share @ anchor.cross
-            anchor.cov = _symmetric(anchor.cov - shared - shared.T + taken @ share.T)
-            anchor.cross = anchor.cross - taken.T - shared + taken @ share.T
-        self.cov = _symmetric(self.cov - taken - taken.T + taken @ share.T)
-
 
 class Anchor:
     """A moment of a :class:`DriftingPose`; knows the motion since, with its covariance.

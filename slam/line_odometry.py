@@ -8,7 +8,7 @@ from scipy.stats import chi2
 
 from features.feature import Lines
 from features.scan import LaserScan
-from features.se2 import Array, Pose, between, rotation, wrap_angle
+from features.se2 import Pose, between, wrap_angle
 from features.sensor import SensorModel
 from slam.drifting_pose import DriftingPose
 from slam.line_map import LineMap, walls_of_lines
@@ -32,8 +32,6 @@ TURNS = np.radians([0.0, -8.0, 8.0, -16.0, 16.0])
 
 STANDING = np.array([0.005, 0.005, math.radians(0.3)]) ** 2
 """Variances of a motion that need no scan [m^2, m^2, rad^2]."""
-
-NOWHERE = np.zeros(3)
 
 
 @dataclass(slots=True)
@@ -115,7 +113,6 @@ class LineOdometry:
         """Put the walls of the latest scan on the line map."""
         if self._scan is None:
             return
-        self.drifting.redefine(self._new_share(self._scan, self._fit))
         self._map.add(self._scan.walls_robot, self.drifting.pose)
 
     def _match(self, scan: ScanPoints) -> Registration | None:
@@ -147,16 +144,6 @@ class LineOdometry:
             for turn in TURNS
         ]
         return max(tries, key=lambda attempt: attempt[0].share)
-
-    def _new_share(self, scan: ScanPoints, fit: Registration | None) -> Array:
-        """Share of the error of this pose that the map takes over, shape (3, 3): what it will know from this scan alone."""
-        if fit is None:
-            return np.eye(3)
-        own = register(scan, scan.walls_robot, NOWHERE, np.zeros((3, 3)), NOWHERE, RULES).information
-        turn = np.eye(3)
-        turn[:2, :2] = rotation(float(self.drifting.pose[2]))
-        own = turn @ own @ turn.T
-        return np.linalg.solve(fit.views * fit.information + own + 1e-3 * np.eye(3), own)
 
 
 def _distance2(fit: Registration, prior: Pose) -> float:

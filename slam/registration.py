@@ -93,11 +93,19 @@ def register(
 
 def _without_feigned(information: Array, pull: Array, crookedness: float) -> tuple[Array, Array]:
     """Take off what walls of slightly different directions feign to know along themselves (eq. M30)."""
-    # A radian counts as the metre that it moves what is a metre away.
-    certain, directions = np.linalg.eigh(information)
-    kept = np.maximum(certain - crookedness**2 * certain[-1], 0.0)
-    ratio = np.divide(kept, certain, out=np.zeros(3), where=kept > 0.0)
-    return (directions * kept) @ directions.T, directions @ (ratio * (directions.T @ pull))
+    # The heading as it is best for each position; what is left is of the position alone.
+    if information[2, 2] <= 0.0:
+        return information, pull
+    arm = information[:2, 2] / information[2, 2]
+    certain, directions = np.linalg.eigh(information[:2, :2] - np.outer(arm, information[2, :2]))
+    weak = directions[:, 0]
+    feigned = min(certain[0], crookedness**2 * certain[1])
+    if feigned <= 0.0:
+        return information, pull
+    information, pull = information.copy(), pull.copy()
+    information[:2, :2] -= feigned * np.outer(weak, weak)
+    pull[:2] -= feigned / certain[0] * (weak @ (pull[:2] - arm * pull[2])) * weak
+    return information, pull
 
 
 @njit(cache=True, error_model="numpy", fastmath=SUMS)
