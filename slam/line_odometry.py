@@ -18,8 +18,11 @@ from slam.scan_points import ScanPoints, scan_points
 
 RULES = RegistrationRules()
 
-SURE_SHARE, LEAST_SHARE = 0.45, 0.25
-"""Share of its points that lie on known walls: with the first a scan fits, with less than the second it does not."""
+SURE_SHARE = 0.45
+"""Share of its points that lie on known walls with which a scan is sure to fit."""
+
+MARGIN = 0.15
+"""How much larger this share must be for another pose to be preferred to that which was predicted."""
 
 PRIOR_GATE = float(chi2.ppf(0.9999, 3))
 """Squared Mahalanobis distance of the result from the prediction beyond which the scan is believed, not the latter."""
@@ -125,11 +128,11 @@ class LineOdometry:
             return fit
         self.counts.second_attempts += 1
         other, origin = self._match_anywhere(scan)
-        if other.share >= SURE_SHARE and (not plausible or other.share > fit.share + 0.1):
+        if other.share >= SURE_SHARE and (not plausible or other.share > fit.share + MARGIN):
             self.counts.predictions_rejected += 1
             drifting.move(between(drifting.pose, origin), UNKNOWN_MOTION)
             fit = other
-        elif not plausible or fit.share < LEAST_SHARE:
+        elif not plausible:
             self.counts.failed += 1
             return None
         self.counts.registered += 1
@@ -143,7 +146,7 @@ class LineOdometry:
             for origin in (self.drifting.pose, self._since_scan.pose)
             for turn in TURNS
         ]
-        return max(tries, key=lambda attempt: attempt[0].share)
+        return max(tries, key=lambda attempt: attempt[0].share * (_distance2(*attempt) <= PRIOR_GATE))
 
 
 def _distance2(fit: Registration, prior: Pose) -> float:

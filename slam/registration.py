@@ -40,8 +40,8 @@ class RegistrationRules:
     final_gate: float = 0.15
     reach: float = 0.2
     scatter: float = 0.02
-    roughness: float = 0.01
-    crookedness: float = math.radians(0.5)
+    roughness: float = 0.005
+    crookedness: float = math.radians(1.0)
     kernel: float = 2.0
     turn: float = math.radians(30.0)
     max_iterations: int = 12
