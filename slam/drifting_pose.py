@@ -36,6 +36,10 @@ class DriftingPose:
         for anchor in self._anchors:
             anchor.cross = by_pose @ anchor.cross
 
+    def widen(self, factor: float) -> None:
+        """Multiply the covariance of the pose; what the anchors have in common with it stays."""
+        self.cov = factor * self.cov
+
     def correct(self, information: Array, pull: Array) -> None:
         """Take in what a scan says of the pose, and so of the anchors (eq. M31).
 

@@ -122,19 +122,21 @@ class LineOdometry:
         """Register a scan; where it does not fit what is predicted, as if nothing were known of the motion."""
         drifting = self.drifting
         fit = register(scan, self._map.walls, drifting.pose, drifting.cov, drifting.pose, RULES)
-        plausible = _distance2(fit, drifting.pose) <= PRIOR_GATE
-        if plausible and fit.share >= SURE_SHARE:
-            self.counts.registered += 1
-            return fit
-        self.counts.second_attempts += 1
-        other, origin = self._match_anywhere(scan)
-        if other.share >= SURE_SHARE and (not plausible or other.share > fit.share + MARGIN):
+        distance2 = _distance2(fit, drifting.pose)
+        if fit.share < SURE_SHARE:
+            self.counts.second_attempts += 1
+            other, origin = self._match_anywhere(scan)
+            if other.share >= max(SURE_SHARE, fit.share + MARGIN):
+                self.counts.predictions_rejected += 1
+                drifting.move(between(drifting.pose, origin), UNKNOWN_MOTION)
+                fit = other
+            elif distance2 > PRIOR_GATE:
+                self.counts.failed += 1
+                return None
+        elif distance2 > PRIOR_GATE:
             self.counts.predictions_rejected += 1
-            drifting.move(between(drifting.pose, origin), UNKNOWN_MOTION)
-            fit = other
-        elif not plausible:
-            self.counts.failed += 1
-            return None
+            drifting.widen(distance2 / 3.0)
+            fit = register(scan, self._map.walls, drifting.pose, drifting.cov, fit.pose_map_robot, RULES)
         self.counts.registered += 1
         return fit
 

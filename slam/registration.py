@@ -84,34 +84,47 @@ def register(
     pose, information, pull, inliers, pairs, paired = _register_kernel(
         scan.points, scan.ranges, scan.bearings, scan.lines, scan.walls_robot, sensor.mounting.x, sensor.mounting.y,
         sensor.sigma_range**2, sensor.sigma_bearing**2, walls, prior, prior_cov, start, rules.gate, rules.final_gate,
-        rules.reach, rules.scatter**2, rules.roughness**2, rules.kernel**2, math.cos(rules.turn), rules.max_iterations,
+        rules.reach, rules.scatter**2, rules.roughness**2, rules.kernel**2, math.cos(rules.turn),
+        rules.crookedness**2, rules.max_iterations,
     )  # fmt: skip
     pose[2] = wrap_angle(float(pose[2]))
-    information, pull = _without_feigned(information, pull, rules.crookedness)
     return Registration(pose, information, pull, inliers / max(len(scan), 1), pairs / max(paired, 1))
 
 
-def _without_feigned(information: Array, pull: Array, crookedness: float) -> tuple[Array, Array]:
-    """Take off what walls of slightly different directions feign to know along themselves (eq. M30)."""
-    # The heading as it is best for each position; what is left is of the position alone.
+@njit(cache=True, error_model="numpy")
+def _take_off_feigned(information, pull, crookedness2):
+    """Take off what walls of slightly different directions feign to know of the position along them (eq. M30)."""
     if information[2, 2] <= 0.0:
-        return information, pull
-    arm = information[:2, 2] / information[2, 2]
-    certain, directions = np.linalg.eigh(information[:2, :2] - np.outer(arm, information[2, :2]))
-    weak = directions[:, 0]
-    feigned = min(certain[0], crookedness**2 * certain[1])
+        return
+    # With the heading that is best for each position; what is left is of the position alone.
+    arm_x = information[0, 2] / information[2, 2]
+    arm_y = information[1, 2] / information[2, 2]
+    xx = information[0, 0] - arm_x * information[0, 2]
+    xy = information[0, 1] - arm_x * information[1, 2]
+    yy = information[1, 1] - arm_y * information[1, 2]
+    middle = 0.5 * (xx + yy)
+    half = math.hypot(0.5 * (xx - yy), xy)
+    least = middle - half
+    feigned = min(max(least, 0.0), crookedness2 * (middle + half))
     if feigned <= 0.0:
-        return information, pull
-    information, pull = information.copy(), pull.copy()
-    information[:2, :2] -= feigned * np.outer(weak, weak)
-    pull[:2] -= feigned / certain[0] * (weak @ (pull[:2] - arm * pull[2])) * weak
-    return information, pull
+        return
+    weak = 0.5 * math.atan2(-2.0 * xy, yy - xx)
+    weak_x = math.cos(weak)
+    weak_y = math.sin(weak)
+    force = feigned / least * (weak_x * (pull[0] - arm_x * pull[2]) + weak_y * (pull[1] - arm_y * pull[2]))
+    pull[0] -= force * weak_x
+    pull[1] -= force * weak_y
+    information[0, 0] -= feigned * weak_x * weak_x
+    information[0, 1] -= feigned * weak_x * weak_y
+    information[1, 0] -= feigned * weak_x * weak_y
+    information[1, 1] -= feigned * weak_y * weak_y
 
 
 @njit(cache=True, error_model="numpy", fastmath=SUMS)
 def _register_kernel(
     points, ranges, bearings, lines, walls_robot, origin_x, origin_y, var_range, var_bearing, walls, prior, prior_cov,
-    start, gate, final_gate, reach, var_scatter, var_rough, kernel2, cos_turn, max_iterations,
+    start, gate, final_gate, reach, var_scatter, var_rough, kernel2, cos_turn, crookedness2,
+    max_iterations,
 ):  # fmt: skip
     n = ranges.size
     beams = np.empty((n, 7))
@@ -135,6 +148,7 @@ def _register_kernel(
         offset = pose - prior
         offset[2] = (offset[2] + math.pi) % (2.0 * math.pi) - math.pi
         pull = information @ offset - gradient
+        _take_off_feigned(information, pull, crookedness2)
         moved = np.linalg.solve(np.eye(3) + prior_cov @ information, prior_cov @ pull)
         step = np.abs(moved - offset).sum()
         pose = prior + moved
