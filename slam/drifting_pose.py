@@ -93,9 +93,7 @@ class Anchor:
         by_then = -by_now
         by_then[0, 2], by_then[1, 2] = motion[1], -motion[0]
         mixed = by_now @ self.cross @ by_then.T
-        return _symmetric(
-            by_now @ self._now.cov @ by_now.T + by_then @ self.cov @ by_then.T + mixed + mixed.T
-        )
+        return _symmetric(by_now @ self._now.cov @ by_now.T + by_then @ self.cov @ by_then.T + mixed + mixed.T)
 
     @property
     def travel(self) -> float:

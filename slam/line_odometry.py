@@ -10,7 +10,8 @@ from features.feature import Lines
 from features.scan import LaserScan
 from features.se2 import Pose, between, wrap_angle
 from features.sensor import SensorModel
-from slam.drifting_pose import DriftingPose
+from slam.drifting_pose import Anchor, DriftingPose
+from slam.errors import DivergedError
 from slam.line_map import LineMap, walls_of_lines
 from slam.odometry import ConstantVelocity, WheelMotion
 from slam.registration import Registration, RegistrationRules, register
@@ -67,7 +68,6 @@ class LineOdometry:
 
     Attributes
     ----------
-    drifting : pose of the robot, map frame.
     counts : what became of the scans.
     """
 
@@ -79,27 +79,44 @@ class LineOdometry:
         line_distance: float,
         key_frames: int,
     ) -> None:
-        self.drifting = DriftingPose(pose_map_robot)
+        self._drifting = DriftingPose(pose_map_robot)
         self.counts = RegistrationCounts()
         self._motion = motion
         self._sensor = sensor
         self._line_distance = line_distance
         self._map = LineMap(key_frames)
-        self._since_scan = self.drifting.anchor()
-        self._since_correction = self.drifting.anchor()
+        self._since_scan = self._drifting.anchor()
+        self._since_correction = self._drifting.anchor()
         self._scan: ScanPoints | None = None
         self._fit: Registration | None = None
 
+    @property
+    def pose(self) -> Pose:
+        """Pose of the robot, map frame, shape (3,)."""
+        return self._drifting.pose
+
+    def anchor(self) -> Anchor:
+        """Remember this moment, to tell the motion since."""
+        return self._drifting.anchor()
+
     def predict(self, stamp: float, pose_odom_robot: Pose) -> None:
-        """Move on to a record by what is expected of the motion."""
-        self.drifting.move(*self._motion.step(stamp, pose_odom_robot))
+        """Move on to a record by what is expected of the motion.
+
+        Raises
+        ------
+        DivergedError
+            The pose or its covariance is no longer finite.
+        """
+        self._drifting.move(*self._motion.step(stamp, pose_odom_robot))
+        if not (np.isfinite(self._drifting.pose).all() and np.isfinite(self._drifting.cov).all()):
+            raise DivergedError("the pose or its covariance is no longer finite: look at the odometry")
 
     def register(self, stamp: float, scan: LaserScan, lines: Lines) -> None:
         """Correct the pose by a scan and its lines, sensor frame; where it fits nowhere the prediction stands."""
         self._scan = scan_points(scan, walls_of_lines(lines, self._sensor.mounting), self._sensor, self._line_distance)
         self._fit = self._match(self._scan) if len(self._map.walls) else None
         if self._fit is not None and not self._stands:
-            self.drifting.correct(self._fit.information, self._fit.pull)
+            self._drifting.correct(self._fit.information, self._fit.pull)
             self._since_correction.reset()
         self._motion.learn(stamp, self._since_scan.motion, self._since_scan.motion_cov)
         self._since_scan.reset()
@@ -116,11 +133,11 @@ class LineOdometry:
         """Put the walls of the latest scan on the line map."""
         if self._scan is None:
             return
-        self._map.add(self._scan.walls_robot, self.drifting.pose)
+        self._map.add(self._scan.walls_robot, self._drifting.pose)
 
     def _match(self, scan: ScanPoints) -> Registration | None:
         """Register a scan; where it does not fit what is predicted, as if nothing were known of the motion."""
-        drifting = self.drifting
+        drifting = self._drifting
         fit = register(scan, self._map.walls, drifting.pose, drifting.cov, drifting.pose, RULES)
         distance2 = _distance2(fit, drifting.pose)
         if fit.share < SURE_SHARE:
@@ -142,13 +159,19 @@ class LineOdometry:
 
     def _match_anywhere(self, scan: ScanPoints) -> tuple[Registration, Pose]:
         """Best of the fits from here and from where the last scan was, and which of the two it is."""
-        cov = self.drifting.cov + UNKNOWN_MOTION
+        cov = self._drifting.cov + UNKNOWN_MOTION
         tries = [
             (register(scan, self._map.walls, origin, cov, origin + (0.0, 0.0, turn), RULES), origin)
-            for origin in (self.drifting.pose, self._since_scan.pose)
+            for origin in (self._drifting.pose, self._since_scan.pose)
             for turn in TURNS
         ]
         return max(tries, key=lambda attempt: attempt[0].share * (_distance2(*attempt) <= PRIOR_GATE))
+
+
+def load_compiled(scan: LaserScan, lines: Lines, sensor: SensorModel) -> None:
+    """Load the compiled code, or make it at its first use on a machine."""
+    points = scan_points(scan, walls_of_lines(lines, sensor.mounting), sensor, 0.0)
+    register(points, points.walls_robot, np.zeros(3), np.zeros((3, 3)), np.zeros(3), RULES)
 
 
 def _distance2(fit: Registration, prior: Pose) -> float:
