@@ -36,9 +36,9 @@ class DriftingPose:
         for anchor in self._anchors:
             anchor.cross = by_pose @ anchor.cross
 
-    def widen(self, factor: float) -> None:
-        """Multiply the covariance of the pose; what the anchors have in common with it stays."""
-        self.cov = factor * self.cov
+    def doubt(self, slip: Array) -> None:
+        """Allow for a slip since the anchors, shape (3,), that nothing foresaw, as large as it turned out (eq. M32)."""
+        self.cov = self.cov + np.outer(slip, slip)
 
     def correct(self, information: Array, pull: Array) -> None:
         """Take in what a scan says of the pose, and so of the anchors (eq. M31).

@@ -12,9 +12,9 @@ from features.sensor import Mounting
 
 WALL_X, WALL_Y, NORMAL_X, NORMAL_Y, LENGTH, CENTER, VAR_OFFSET, VAR_ANGLE = range(8)
 WALL_FIELDS = 8
-"""A wall inside the compiled kernels: middle of the segment [m], unit normal towards the sensor that saw it, length [m],
-and the variances of its offset [m^2] at the abscissa CENTER [m], where it is independent of the direction, and of its
-direction [rad^2]. Abscissas count from the middle, counter-clockwise as the sensor sees it."""
+"""A wall inside the compiled kernels: middle of the segment [m], unit normal towards the sensor that saw it, length
+[m], variance of its offset [m^2] at the abscissa CENTER [m], where it is independent of the direction, and variance of
+its direction [rad^2]. Abscissas count from the middle, counter-clockwise as the sensor sees it."""
 
 Y_ON_X, X_ON_Y = int(LineForm.Y_ON_X), int(LineForm.X_ON_Y)
 

@@ -8,7 +8,7 @@ from scipy.stats import chi2
 
 from features.feature import Lines
 from features.scan import LaserScan
-from features.se2 import Pose, between, wrap_angle
+from features.se2 import Array, Pose, between, wrap_angle
 from features.sensor import SensorModel
 from slam.drifting_pose import Anchor, DriftingPose
 from slam.errors import DivergedError
@@ -152,7 +152,7 @@ class LineOdometry:
                 return None
         elif distance2 > PRIOR_GATE:
             self.counts.predictions_rejected += 1
-            drifting.widen(distance2 / 3.0)
+            drifting.doubt(_change(fit, drifting.pose))
             fit = register(scan, self._map.walls, drifting.pose, drifting.cov, fit.pose_map_robot, RULES)
         self.counts.registered += 1
         return fit
@@ -161,7 +161,7 @@ class LineOdometry:
         """Best of the fits from here and from where the last scan was, and which of the two it is."""
         cov = self._drifting.cov + UNKNOWN_MOTION
         tries = [
-            (register(scan, self._map.walls, origin, cov, origin + (0.0, 0.0, turn), RULES), origin)
+            (register(scan, self._map.walls, origin, cov, origin + np.array([0.0, 0.0, turn]), RULES), origin)
             for origin in (self._drifting.pose, self._since_scan.pose)
             for turn in TURNS
         ]
@@ -174,8 +174,14 @@ def load_compiled(scan: LaserScan, lines: Lines, sensor: SensorModel) -> None:
     register(points, points.walls_robot, np.zeros(3), np.zeros((3, 3)), np.zeros(3), RULES)
 
 
-def _distance2(fit: Registration, prior: Pose) -> float:
-    """Squared Mahalanobis distance of a fit from its prior."""
+def _change(fit: Registration, prior: Pose) -> Array:
+    """Difference of the coordinates of a fit and its prior, shape (3,)."""
     change = fit.pose_map_robot - prior
     change[2] = wrap_angle(float(change[2]))
+    return change
+
+
+def _distance2(fit: Registration, prior: Pose) -> float:
+    """Squared Mahalanobis distance of a fit from its prior."""
+    change = _change(fit, prior)
     return float(change @ (fit.pull - fit.information @ change))

@@ -45,7 +45,7 @@ class WheelMotion:
         self._model = model
         self._pose_odom_robot: Pose | None = None
 
-    def step(self, stamp: float, pose_odom_robot: Pose) -> tuple[Pose, Array]:  # noqa: ARG002, of ConstantVelocity
+    def step(self, stamp: float, pose_odom_robot: Pose) -> tuple[Pose, Array]:
         """Motion since the record before and its covariance, shapes (3,) and (3, 3)."""
         before = pose_odom_robot if self._pose_odom_robot is None else self._pose_odom_robot
         self._pose_odom_robot = pose_odom_robot
@@ -74,7 +74,7 @@ class ConstantVelocity:
         self._velocity: Array = np.zeros(3)
         self._velocity_cov: Array = self._density
 
-    def step(self, stamp: float, pose_odom_robot: Pose) -> tuple[Pose, Array]:  # noqa: ARG002, of WheelMotion
+    def step(self, stamp: float, pose_odom_robot: Pose) -> tuple[Pose, Array]:
         """Motion since the record before and its covariance, shapes (3,) and (3, 3); odometry is not looked at."""
         if self._learned is None:
             self._learned = self._stamp = stamp

@@ -133,6 +133,8 @@ def _register_kernel(
     information = np.empty((3, 3))
     gradient = np.empty(3)
     pose = start.copy()
+    pull = np.zeros(3)
+    inliers = 0
     for _ in range(max_iterations):
         last = gate <= final_gate
         # A wide gate takes in what a good start would not: the wider it is, the less a residual says.
@@ -223,7 +225,7 @@ def _accumulate(
     ranges, bearings, lines, beams, knowledge, heading, var_range, var_bearing, var_rough, spread, kernel2, sums,
     information, gradient,
 ):  # fmt: skip
-    """Fill information and gradient of the pose at which the walls were laid; return the number of inliers (eq. M29)."""
+    """Fill information and gradient at the pose where the walls were laid; return the number of inliers (eq. M29)."""
     information[:] = 0.0
     gradient[:] = 0.0
     sums[:] = 0.0
