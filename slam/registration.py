@@ -33,6 +33,7 @@ class RegistrationRules:
     crookedness : how far the directions of walls err, beyond the noise of the sensor [rad].
     kernel : residual, in sigmas, where the Cauchy kernel halves the weight of a point.
     turn : largest angle between a wall and the same wall as a line of the scan [rad].
+    step : change of the pose, in sigmas of the scan, with which the iterations end.
     max_iterations : limit of the iterations.
     """
 
@@ -44,6 +45,7 @@ class RegistrationRules:
     crookedness: float = math.radians(1.0)
     kernel: float = 2.0
     turn: float = math.radians(30.0)
+    step: float = 0.1
     max_iterations: int = 12
 
 
@@ -85,7 +87,7 @@ def register(
         scan.points, scan.ranges, scan.bearings, scan.lines, scan.walls_robot, sensor.mounting.x, sensor.mounting.y,
         sensor.sigma_range**2, sensor.sigma_bearing**2, walls, prior, prior_cov, start, rules.gate, rules.final_gate,
         rules.reach, rules.scatter**2, rules.roughness**2, rules.kernel**2, math.cos(rules.turn),
-        rules.crookedness**2, rules.max_iterations,
+        rules.crookedness**2, rules.step**2, rules.max_iterations,
     )  # fmt: skip
     pose[2] = wrap_angle(float(pose[2]))
     return Registration(pose, information, pull, inliers / max(len(scan), 1), pairs / max(paired, 1))
@@ -124,7 +126,7 @@ def _take_off_feigned(information, pull, crookedness2):
 def _register_kernel(
     points, ranges, bearings, lines, walls_robot, origin_x, origin_y, var_range, var_bearing, walls, prior, prior_cov,
     start, gate, final_gate, reach, var_scatter, var_rough, kernel2, cos_turn, crookedness2,
-    max_iterations,
+    step_limit2, max_iterations,
 ):  # fmt: skip
     n = ranges.size
     turned = np.empty((n, 2))
@@ -153,9 +155,9 @@ def _register_kernel(
         pull = information @ offset - gradient
         _take_off_feigned(information, pull, crookedness2)
         moved = np.linalg.solve(np.eye(3) + prior_cov @ information, prior_cov @ pull)
-        step = np.abs(moved - offset).sum()
+        step = moved - offset
         pose = prior + moved
-        if last and step < 1e-4:
+        if last and step @ information @ step < step_limit2:
             break
         gate = max(final_gate, 0.6 * gate)
     return pose, information, pull, inliers, beams[:, PAIRS].sum(), (beams[:, PAIRS] > 0.0).sum()
@@ -208,20 +210,21 @@ def _lay_walls(
                     continue
             arm = turning - lever_center
             variance = walls[k, VAR_OFFSET] + walls[k, VAR_ANGLE] * arm * arm
-            apart = variance + var_scatter
-            robust = 1.0 / (1.0 + residual * residual / (4.0 * apart))
-            weight = robust / apart
+            # A Cauchy kernel of two sigmas, times the inverse of its variance.
+            weight = 4.0 / (4.0 * (variance + var_scatter) + residual * residual)
+            robust = weight * (variance + var_scatter)
             beams[i, WEIGHT] += weight
             beams[i, JACOBIAN_X] += weight * normal_x
             beams[i, JACOBIAN_Y] += weight * normal_y
             beams[i, JACOBIAN_TURN] += weight * turning
             beams[i, RESIDUAL] += weight * residual
-            beams[i, CERTAINTY] += robust / variance
             beams[i, PAIRS] += 1.0
             if line >= 0:
                 knowledge[line, 0] += robust * certain_offset
                 knowledge[line, 1] += robust * certain_offset * lever_center
                 knowledge[line, 2] += robust * (certain_offset * lever_center * lever_center + certain_angle)
+            else:
+                beams[i, CERTAINTY] += robust / variance
 
 
 @njit(cache=True, error_model="numpy", fastmath=SUMS)
@@ -247,12 +250,12 @@ def _accumulate(
         variance = (
             var_range * incidence * incidence + var_bearing * ranges[i] * ranges[i] * slant2 + var_rough
         )  # eq. M3
-        wall = 1.0 / beams[i, CERTAINTY]
+        line = lines[i]
+        wall = 0.0 if line >= 0 else 1.0 / beams[i, CERTAINTY]
         allowed = variance + wall + spread
         robust = 1.0 / (1.0 + residual * residual / (kernel2 * allowed))
         if residual * residual < 9.0 * allowed:
             inliers += 1
-        line = lines[i]
         if line < 0:
             _add(information, gradient, by_x, by_y, by_turn, robust / (variance + wall), residual)
             continue

@@ -55,10 +55,10 @@ def test_a_change_of_the_map_frame_changes_nothing_else(x, y, turn):
     by_frame = np.eye(3)
     by_frame[:2, :2] = rotation(frame[2])
     cov = np.diag([0.1, 0.02, 0.05]) ** 2
-    before = register(scan, ROOM, HERE, cov, HERE, RULES)
+    rules = replace(RULES, step=1e-4, max_iterations=50)
+    before = register(scan, ROOM, HERE, cov, HERE, rules)
     prior = compose(frame, HERE)
-    after = register(scan, walls, prior, by_frame @ cov @ by_frame.T, prior, RULES)
-    # Both end where steps are below 1e-4; from there on each iteration gains more than a digit.
+    after = register(scan, walls, prior, by_frame @ cov @ by_frame.T, prior, rules)
     difference = compose(inverse(compose(frame, before.pose_map_robot)), after.pose_map_robot)
     np.testing.assert_allclose(difference, 0.0, atol=2e-5)
     scale = np.sqrt(np.diag(before.information))
@@ -87,7 +87,7 @@ def test_the_result_is_that_of_an_independent_solver():
     prior, prior_cov = pose(), np.diag([0.05, 0.08, 0.03]) ** 2
     scan = seen_walls(walls, truth, rng)
     # Without robust weights what is left is a Gaussian problem.
-    rules = replace(RULES, kernel=1e6, scatter=1e3, crookedness=0.0, roughness=0.0, max_iterations=50)
+    rules = replace(RULES, kernel=1e6, scatter=1e3, crookedness=0.0, roughness=0.0, step=1e-6, max_iterations=50)
     fit = register(scan, walls, prior, prior_cov, prior, rules)
     assert fit.share == 1.0
 
