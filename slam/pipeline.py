@@ -9,21 +9,20 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.stats import chi2
 
 from drivers.frame import Frame
 from features.extract import extract
 from features.feature import Corners, Features
 from features.scan import LaserScan
 from features.se2 import Array, Pose, compose, transform
-from slam.association import Association, Gates, associate
+from slam.association import Association, associate
 from slam.config import SlamConfig
 from slam.ekf import LandmarkEkf
 from slam.errors import DivergedError
 from slam.graph import GraphEstimate, LandmarkGraph, Observations
 from slam.landmark import LandmarkTable
-from slam.line_odometry import LineOdometry, load_compiled
-from slam.odometry import ConstantVelocity, OdometryModel, WheelMotion
+from slam.line_odometry import load_compiled
+from slam.parts import gates, line_odometry
 from slam.result import LandmarkMap, RunMetrics, SlamResult, StageTime
 from slam.smoothing import carry_corrections
 from slam.trajectory import Trajectory
@@ -286,37 +285,6 @@ class Slam:
         start = time.perf_counter()
         yield
         self._stages[stage].append(time.perf_counter() - start)
-
-
-def line_odometry(config: SlamConfig, pose_map_robot: Pose) -> LineOdometry:
-    """Odometry as it is configured, from its first pose."""
-    odometry = config.odometry
-    wheels = OdometryModel(
-        position_per_travel=odometry.position_per_travel,
-        position_per_turn=odometry.position_per_turn,
-        heading_per_travel=math.radians(odometry.heading_per_travel_deg),
-        heading_per_turn=math.radians(odometry.heading_per_turn_deg),
-    )
-    if odometry.source == "lines":
-        motion = ConstantVelocity(odometry.speed_change_m_s, math.radians(odometry.turn_rate_change_deg_s))
-    else:
-        motion = WheelMotion(wheels)
-    rules = config.extraction
-    sensor = config.sensor.model()
-    line_distance = max(rules.split_distance_mm * 1e-3, rules.split_sigmas * sensor.sigma_range)
-    return LineOdometry(pose_map_robot, motion, sensor, line_distance, odometry.key_frames)
-
-
-def gates(config: SlamConfig) -> Gates:
-    """Gates of the association in the units it works in."""
-    front_end = config.front_end
-    return Gates(
-        match=float(chi2.ppf(front_end.match_probability, 2)),
-        birth=float(chi2.ppf(front_end.birth_probability, 2)),
-        birth_distance=front_end.birth_distance_m,
-        opening=math.radians(front_end.opening_tolerance_deg),
-        orientation=math.radians(front_end.orientation_tolerance_deg),
-    )
 
 
 def peak_memory_mb() -> float | None:

@@ -14,7 +14,7 @@ from sim.run import room_run
 from slam.config import SlamConfig
 from slam.errors import DivergedError
 from slam.line_odometry import LineOdometry
-from slam.pipeline import line_odometry
+from slam.parts import line_odometry
 
 from .registration_scenes import corridor_run
 
