@@ -85,7 +85,7 @@ def evaluate_simulated(source: "SimulatedRun", result: SlamResult) -> Simulation
     rmse, mapped = _landmark_errors(corners, transform(absolute.pose_truth_estimate, result.landmarks.positions))
     return SimulationReport(
         ate_rmse_m=absolute.rmse_m,
-        odometry_ate_rmse_m=ate(truth, result.odometry).rmse_m,
+        odometry_ate_rmse_m=ate(truth, result.wheel_odometry).rmse_m,
         landmark_rmse_m=rmse,
         corners=len(corners),
         corners_mapped=mapped,

@@ -1,4 +1,4 @@
-"""The whole of SLAM, frame by frame: predict, extract, associate, update, birth, key frame."""
+"""The whole of SLAM, frame by frame: predict, extract, register, associate, update, birth, key frame."""
 
 import logging
 import math
@@ -9,21 +9,21 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.stats import chi2
 
 from drivers.frame import Frame
 from features.extract import extract
 from features.feature import Corners, Features
 from features.scan import LaserScan
 from features.se2 import Array, Pose, compose, transform
-from slam.association import Association, Gates, associate
+from slam.association import Association, associate
 from slam.config import SlamConfig
 from slam.deskew import deskew_by_odometry
 from slam.ekf import LandmarkEkf
 from slam.errors import DivergedError
 from slam.graph import GraphEstimate, LandmarkGraph, Observations
 from slam.landmark import LandmarkTable
-from slam.odometry import OdometryIncrement, OdometryModel
+from slam.line_odometry import load_compiled
+from slam.parts import gates, line_odometry
 from slam.result import LandmarkMap, RunMetrics, SlamResult, StageTime
 from slam.smoothing import carry_corrections
 from slam.trajectory import Trajectory
@@ -72,25 +72,18 @@ class Slam:
         self.config = config
         self._sensor = config.sensor.model()
         self._gates = gates(config)
-        odometry = config.odometry
-        model = OdometryModel(
-            position_per_travel=odometry.position_per_travel,
-            position_per_turn=odometry.position_per_turn,
-            heading_per_travel=math.radians(odometry.heading_per_travel_deg),
-            heading_per_turn=math.radians(odometry.heading_per_turn_deg),
-        )
-        self._since_update = OdometryIncrement(model)
-        self._since_key_frame = OdometryIncrement(model)
         self._table = LandmarkTable()
         self._graph = LandmarkGraph(config.back_end.cauchy_scale)
         self._ekf: LandmarkEkf | None = None
         self._key_frames: list[KeyFrame] = []
         self._stamps: list[float] = []
         self._poses_odom: list[Pose] = []
+        self._poses_map: list[Pose] = []
         self._online: list[tuple[float, Pose]] = []
-        self._stages: dict[str, list[float]] = {"extract": [], "front_end": [], "back_end": []}
+        self._stages: dict[str, list[float]] = {"extract": [], "odometry": [], "front_end": [], "back_end": []}
         # Compiled code is loaded, or made at the very first use on a machine, before the clock starts.
-        extract(LaserScan(np.ones(8), np.linspace(0.0, 0.1, 8)), self._sensor, config.extraction)
+        scan = LaserScan(np.ones(8), np.linspace(0.0, 0.1, 8))
+        load_compiled(scan, extract(scan, self._sensor, config.extraction).lines, self._sensor)
         self._started = time.perf_counter()
 
     @property
@@ -127,6 +120,10 @@ class Slam:
                 scan = deskew_by_odometry(scan, self._sensor, self._stamps, self._poses_odom)
             features = extract(scan, self._sensor, self.config.extraction)
             corners_robot = features.corners.to_robot(self._sensor.mounting)
+        if self.config.odometry.source != "wheel":
+            with self._timed("odometry"):
+                self._odometry.register(frame.stamp, frame.scan, features.lines)
+                self._poses_map[-1] = self._odometry.pose
         association = None
         key_frame_due = self._key_frame_due()
         if key_frame_due or self._update_due():
@@ -154,11 +151,13 @@ class Slam:
     def _predict(self, stamp: float, pose_odom_robot: Pose) -> None:
         if self._ekf is None:
             self._ekf = LandmarkEkf(pose_odom_robot, FIRST_POSE_COV)
-        else:
-            self._since_update.add(self._poses_odom[-1], pose_odom_robot)
-            self._since_key_frame.add(self._poses_odom[-1], pose_odom_robot)
+            self._odometry = line_odometry(self.config, pose_odom_robot)
+            self._since_update = self._odometry.anchor()
+            self._since_key_frame = self._odometry.anchor()
+        self._odometry.predict(stamp, pose_odom_robot)
         self._stamps.append(stamp)
         self._poses_odom.append(pose_odom_robot)
+        self._poses_map.append(self._odometry.pose)
 
     def _update_due(self) -> bool:
         front_end = self.config.front_end
@@ -177,7 +176,7 @@ class Slam:
     def _update(self, corners_robot: Corners) -> tuple[Association, np.ndarray]:
         """Move the filter to here, associate, update, give birth; also the landmark of each corner, -1 for none."""
         ekf = self._filter
-        ekf.Q = self._since_update.cov
+        ekf.Q = self._since_update.motion_cov
         ekf.predict(self._since_update.motion)
         self._since_update.reset()
         association = associate(corners_robot, ekf, self._table, self._gates)
@@ -199,10 +198,11 @@ class Slam:
         self._graph.add_key_frame(
             self._filter.pose,
             self._since_key_frame.motion,
-            self._since_key_frame.cov,
+            self._since_key_frame.motion_cov,
             Observations(landmarks[observed], corners_robot.positions[observed], corners_robot.covs[observed]),
         )
         self._since_key_frame.reset()
+        self._odometry.add_key_frame()
         mounting = self._sensor.mounting
         seen = (scan.ranges > 0.0) & (scan.ranges >= self._sensor.range_min) & (scan.ranges <= self._sensor.range_max)
         ranges, angles = scan.ranges[seen], scan.angles[seen]
@@ -229,7 +229,7 @@ class Slam:
             raise ValueError("no scan was processed: there is nothing to finish")
         with self._timed("back_end"):
             estimate = self._solve()
-        stamps, poses_odom = np.array(self._stamps), np.array(self._poses_odom)
+        stamps, poses_map = np.array(self._stamps), np.array(self._poses_map)
         anchors = np.array([key_frame.record for key_frame in self._key_frames])
         kept = self._table.observations[estimate.landmarks] >= self.config.map.min_observations
         ids = estimate.landmarks[kept]
@@ -237,11 +237,12 @@ class Slam:
         wall_s = time.perf_counter() - self._started
         duration_s = float(stamps[-1] - stamps[0])
         return SlamResult(
-            trajectory=Trajectory(stamps, carry_corrections(poses_odom, anchors, estimate.poses_world_robot)),
+            trajectory=Trajectory(stamps, carry_corrections(poses_map, anchors, estimate.poses_world_robot)),
             trajectory_online=Trajectory(
                 np.array([stamp for stamp, _ in self._online]), np.array([pose for _, pose in self._online])
             ),
-            odometry=Trajectory(stamps, poses_odom),
+            trajectory_odometry=Trajectory(stamps, poses_map),
+            wheel_odometry=Trajectory(stamps, np.array(self._poses_odom)),
             landmarks=LandmarkMap(
                 ids=ids,
                 positions=estimate.positions_world[kept],
@@ -261,6 +262,7 @@ class Slam:
                 peak_memory_mb=peak_memory_mb(),
                 landmarks=len(ids),
                 key_frames=len(self._key_frames),
+                registrations=self._odometry.counts,
                 stages={name: StageTime.of(seconds) for name, seconds in self._stages.items()},
                 graph_converged=estimate.converged,
                 interrupted=interrupted,
@@ -287,18 +289,6 @@ class Slam:
         start = time.perf_counter()
         yield
         self._stages[stage].append(time.perf_counter() - start)
-
-
-def gates(config: SlamConfig) -> Gates:
-    """Gates of the association in the units it works in."""
-    front_end = config.front_end
-    return Gates(
-        match=float(chi2.ppf(front_end.match_probability, 2)),
-        birth=float(chi2.ppf(front_end.birth_probability, 2)),
-        birth_distance=front_end.birth_distance_m,
-        opening=math.radians(front_end.opening_tolerance_deg),
-        orientation=math.radians(front_end.orientation_tolerance_deg),
-    )
 
 
 def peak_memory_mb() -> float | None:
