@@ -122,7 +122,7 @@ class Slam:
             corners_robot = features.corners.to_robot(self._sensor.mounting)
         if self.config.odometry.source != "wheel":
             with self._timed("odometry"):
-                self._odometry.register(frame.stamp, frame.scan, features.lines)
+                self._odometry.register(frame.stamp, scan, features.lines)
                 self._poses_map[-1] = self._odometry.pose
         association = None
         key_frame_due = self._key_frame_due()
