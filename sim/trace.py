@@ -19,6 +19,9 @@ Where a line is drawn into a grid, the middles of the cell edges lie within half
 THIN = 2.0
 """What is no wider becomes a rectangle: a wall one cell thick, a leg of a table [cells]."""
 
+SAME = 1e-6
+"""Vertices no farther apart are one [cells]."""
+
 NEAR = 2.0
 """A corner is this near to where the boundary cuts it [cells]."""
 
@@ -85,7 +88,10 @@ def _straightened(ring: Array, vertices: Array) -> Array:
     for before, behind in zip([walls[-1], *walls[:-1]], walls, strict=True):
         meet = _meet(ring[at[behind]], lines[before], lines[behind])
         corners.append(ring[at[behind]] if meet is None else meet)
-    return np.array(corners)
+    outline = np.array(corners)
+    # Three walls may meet in a point; the one between them has no length then.
+    kept = np.hypot(*(outline - np.roll(outline, 1, axis=0)).T) > SAME
+    return outline[kept] if kept.sum() >= 3 else ring[at]
 
 
 def _without_cuts(ring: Array, at: list[int], lines: list[tuple[Array, Array]]) -> list[int]:

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import shapely
 import yaml
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from PIL import Image
 
@@ -97,6 +97,7 @@ def test_single_cells_are_kept_each_on_its_own():
 
 @settings(derandomize=True, deadline=None)
 @given(st.integers(0, 2**32 - 1), st.floats(0.05, 0.95))
+@example(399, 0.875)
 def test_any_grid_gives_outlines_of_walls_with_length(seed, density):
     occupied = np.random.default_rng(seed).random((12, 15)) < density
     rings = trace(occupied)
