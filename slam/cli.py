@@ -6,7 +6,7 @@ import logging
 import os
 import sys
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
@@ -129,6 +129,12 @@ def evaluate(
         Path | None, typer.Option("--relations", help="True relations of pairs of poses (Freiburg benchmark).")
     ] = None,
     truth: Annotated[Path | None, typer.Option("--truth", help="True trajectory, TUM format.")] = None,
+    which: Annotated[
+        Literal["final", "online", "odometry"],
+        typer.Option(
+            "--trajectory", help="The solved one, the filter's as it was live, or odometry's without landmarks."
+        ),
+    ] = "final",
     as_json: Json = False,
 ) -> None:
     """Compare the trajectory of a run with relations or with a true trajectory."""
@@ -137,7 +143,7 @@ def evaluate(
 
     if relations is None and truth is None:
         raise typer.BadParameter("give --relations FILE or --truth FILE", param_hint="evaluate")
-    trajectory = read_trajectory(run)
+    trajectory = read_trajectory(run, which)
     report: dict[str, dict[str, float]] = {}
     if relations is not None:
         report |= evaluate_relations(relations, trajectory)

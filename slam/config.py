@@ -4,7 +4,7 @@ import math
 import tomllib
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import tomlkit
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
@@ -81,13 +81,28 @@ class SensorConfig(_Section):
         return self
 
 
-class OdometryConfig(_Section):
-    """Random walk of wheel odometry; each variance grows in proportion to the motion."""
+OdometrySource = Literal["line-aided", "lines", "wheel"]
+"""What the motion is taken from: wheels and scans, scans alone, wheels alone."""
 
+
+class OdometryConfig(_Section):
+    """Where the motion comes from; random walk of the wheels, each variance in proportion to the motion."""
+
+    source: OdometrySource = Field(
+        default="line-aided",
+        description="line-aided: wheels, corrected by each scan; lines: scans without wheels; wheel: wheels alone",
+    )
+    key_frames: int = Field(default=30, ge=1, description="key frames whose walls a scan is registered to")
     position_per_travel: float = Field(default=0.05, gt=0.0, description="sigma of position after 1 m [m]")
     position_per_turn: float = Field(default=0.03, gt=0.0, description="sigma of position after a turn of 1 rad [m]")
     heading_per_travel_deg: float = Field(default=3.0, gt=0.0, description="sigma of heading after 1 m [deg]")
     heading_per_turn_deg: float = Field(default=6.0, gt=0.0, description="sigma of heading after a turn of 1 rad [deg]")
+    speed_change_m_s: float = Field(
+        default=0.5, gt=0.0, description="source lines: sigma of the change of the speed within 1 s [m/s]"
+    )
+    turn_rate_change_deg_s: float = Field(
+        default=60.0, gt=0.0, description="source lines: sigma of the change of the turn rate within 1 s [deg/s]"
+    )
 
 
 class FrontEndConfig(_Section):

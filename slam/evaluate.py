@@ -72,7 +72,7 @@ def evaluate_simulated(source: "SimulatedRun", result: SlamResult) -> Simulation
     errors = np.linalg.norm(corners[pairs[:, 0]] - landmarks[pairs[:, 1]], axis=1)
     return SimulationReport(
         ate_rmse_m=absolute.rmse_m,
-        odometry_ate_rmse_m=ate(truth, result.odometry).rmse_m,
+        odometry_ate_rmse_m=ate(truth, result.wheel_odometry).rmse_m,
         landmark_rmse_m=float(np.sqrt(np.mean(errors**2))) if len(errors) else None,
         corners=len(corners),
         corners_mapped=len(pairs),

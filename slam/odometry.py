@@ -1,10 +1,10 @@
-"""Wheel odometry: motion between two records and how far it can be trusted."""
+"""What is expected of a motion before a scan is looked at, and how far it can be trusted."""
 
 from dataclasses import dataclass
 
 import numpy as np
 
-from features.se2 import Array, Pose, between, compose, compose_jacobians, pose
+from features.se2 import Array, Pose, between, pose
 
 
 @dataclass(frozen=True, slots=True)
@@ -33,35 +33,65 @@ class OdometryModel:
         return np.diag([position, position, heading])
 
 
-class OdometryIncrement:
-    """Motion since the last reset, composed of small steps, with its covariance.
+class WheelMotion:
+    """Motion as the wheels report it.
 
-    The steps' covariances are carried through :func:`features.se2.compose`, so that a heading error early on becomes a
-    lateral error later (eq. M11).
+    Parameters
+    ----------
+    model : of their errors.
     """
 
     def __init__(self, model: OdometryModel) -> None:
         self._model = model
-        self.reset()
+        self._pose_odom_robot: Pose | None = None
 
-    def reset(self) -> None:
-        """Start again from no motion."""
-        self.motion: Pose = pose()
-        self.cov: Array = np.zeros((3, 3))
+    def step(self, stamp: float, pose_odom_robot: Pose) -> tuple[Pose, Array]:
+        """Motion since the record before and its covariance, shapes (3,) and (3, 3)."""
+        before = pose_odom_robot if self._pose_odom_robot is None else self._pose_odom_robot
+        self._pose_odom_robot = pose_odom_robot
+        motion = between(before, pose_odom_robot)
+        return motion, self._model.covariance(motion)
 
-    def add(self, pose_odom_before: Pose, pose_odom_after: Pose) -> None:
-        """Append the motion between two odometry poses."""
-        step = between(pose_odom_before, pose_odom_after)
-        by_motion, by_step = compose_jacobians(self.motion, step)
-        self.cov = by_motion @ self.cov @ by_motion.T + by_step @ self._model.covariance(step) @ by_step.T
-        self.motion = compose(self.motion, step)
+    def learn(self, stamp: float, motion: Pose, motion_cov: Array) -> None:
+        """Wheels do not learn from scans."""
 
-    @property
-    def travel(self) -> float:
-        """Distance between start and end [m]."""
-        return float(np.hypot(self.motion[0], self.motion[1]))
 
-    @property
-    def turn(self) -> float:
-        """Turn between start and end, 0 to pi [rad]."""
-        return abs(float(self.motion[2]))
+class ConstantVelocity:
+    """Motion without any odometry: that between the last two scans goes on, and velocity changes as a random walk.
+
+    Parameters
+    ----------
+    speed_change : sigma of the change of the velocity after one second, in x and y [m/s].
+    turn_rate_change : sigma of the change of the turn rate after one second [rad/s].
+    """
+
+    def __init__(self, speed_change: float, turn_rate_change: float) -> None:
+        self._density = np.diag([speed_change**2, speed_change**2, turn_rate_change**2])
+        self._learned: float | None = None
+        self._stamp = 0.0
+        # The robot may be moving when the data begin.
+        self._interval = 1.0
+        self._velocity: Array = np.zeros(3)
+        self._velocity_cov: Array = self._density
+
+    def step(self, stamp: float, pose_odom_robot: Pose) -> tuple[Pose, Array]:
+        """Motion since the record before and its covariance, shapes (3,) and (3, 3); odometry is not looked at."""
+        if self._learned is None:
+            self._learned = self._stamp = stamp
+        before, after = self._stamp - self._learned, stamp - self._learned
+        self._stamp = stamp
+        x, y, turn = (after - before) * self._velocity
+        return pose(x, y, turn), self._cov(after) - self._cov(before)
+
+    def _cov(self, elapsed: float) -> Array:
+        """Covariance of the motion since the last scan, eq. M34."""
+        return elapsed**2 * (self._velocity_cov + (self._interval + elapsed) / 3.0 * self._density)
+
+    def learn(self, stamp: float, motion: Pose, motion_cov: Array) -> None:
+        """Take the motion between the last two scans, the later one at ``stamp``, for the velocity."""
+        interval = stamp - (stamp if self._learned is None else self._learned)
+        self._learned = self._stamp = stamp
+        if interval > 0.0:
+            self._interval = interval
+            self._velocity = motion / interval
+            self._velocity_cov = motion_cov / interval**2

@@ -1,4 +1,4 @@
-"""The whole of SLAM, frame by frame: predict, extract, associate, update, birth, key frame."""
+"""The whole of SLAM, frame by frame: predict, extract, register, associate, update, birth, key frame."""
 
 import logging
 import math
@@ -22,7 +22,8 @@ from slam.ekf import LandmarkEkf
 from slam.errors import DivergedError
 from slam.graph import GraphEstimate, LandmarkGraph, Observations
 from slam.landmark import LandmarkTable
-from slam.odometry import OdometryIncrement, OdometryModel
+from slam.line_odometry import LineOdometry, load_compiled
+from slam.odometry import ConstantVelocity, OdometryModel, WheelMotion
 from slam.result import LandmarkMap, RunMetrics, SlamResult, StageTime
 from slam.smoothing import carry_corrections
 from slam.trajectory import Trajectory
@@ -71,25 +72,18 @@ class Slam:
         self.config = config
         self._sensor = config.sensor.model()
         self._gates = gates(config)
-        odometry = config.odometry
-        model = OdometryModel(
-            position_per_travel=odometry.position_per_travel,
-            position_per_turn=odometry.position_per_turn,
-            heading_per_travel=math.radians(odometry.heading_per_travel_deg),
-            heading_per_turn=math.radians(odometry.heading_per_turn_deg),
-        )
-        self._since_update = OdometryIncrement(model)
-        self._since_key_frame = OdometryIncrement(model)
         self._table = LandmarkTable()
         self._graph = LandmarkGraph(config.back_end.cauchy_scale)
         self._ekf: LandmarkEkf | None = None
         self._key_frames: list[KeyFrame] = []
         self._stamps: list[float] = []
         self._poses_odom: list[Pose] = []
+        self._poses_map: list[Pose] = []
         self._online: list[tuple[float, Pose]] = []
-        self._stages: dict[str, list[float]] = {"extract": [], "front_end": [], "back_end": []}
+        self._stages: dict[str, list[float]] = {"extract": [], "odometry": [], "front_end": [], "back_end": []}
         # Compiled code is loaded, or made at the very first use on a machine, before the clock starts.
-        extract(LaserScan(np.ones(8), np.linspace(0.0, 0.1, 8)), self._sensor, config.extraction)
+        scan = LaserScan(np.ones(8), np.linspace(0.0, 0.1, 8))
+        load_compiled(scan, extract(scan, self._sensor, config.extraction).lines, self._sensor)
         self._started = time.perf_counter()
 
     @property
@@ -123,6 +117,10 @@ class Slam:
         with self._timed("extract"):
             features = extract(frame.scan, self._sensor, self.config.extraction)
             corners_robot = features.corners.to_robot(self._sensor.mounting)
+        if self.config.odometry.source != "wheel":
+            with self._timed("odometry"):
+                self._odometry.register(frame.stamp, frame.scan, features.lines)
+                self._poses_map[-1] = self._odometry.pose
         association = None
         key_frame_due = self._key_frame_due()
         if key_frame_due or self._update_due():
@@ -150,11 +148,13 @@ class Slam:
     def _predict(self, stamp: float, pose_odom_robot: Pose) -> None:
         if self._ekf is None:
             self._ekf = LandmarkEkf(pose_odom_robot, FIRST_POSE_COV)
-        else:
-            self._since_update.add(self._poses_odom[-1], pose_odom_robot)
-            self._since_key_frame.add(self._poses_odom[-1], pose_odom_robot)
+            self._odometry = line_odometry(self.config, pose_odom_robot)
+            self._since_update = self._odometry.anchor()
+            self._since_key_frame = self._odometry.anchor()
+        self._odometry.predict(stamp, pose_odom_robot)
         self._stamps.append(stamp)
         self._poses_odom.append(pose_odom_robot)
+        self._poses_map.append(self._odometry.pose)
 
     def _update_due(self) -> bool:
         front_end = self.config.front_end
@@ -173,7 +173,7 @@ class Slam:
     def _update(self, corners_robot: Corners) -> tuple[Association, np.ndarray]:
         """Move the filter to here, associate, update, give birth; also the landmark of each corner, -1 for none."""
         ekf = self._filter
-        ekf.Q = self._since_update.cov
+        ekf.Q = self._since_update.motion_cov
         ekf.predict(self._since_update.motion)
         self._since_update.reset()
         association = associate(corners_robot, ekf, self._table, self._gates)
@@ -195,10 +195,11 @@ class Slam:
         self._graph.add_key_frame(
             self._filter.pose,
             self._since_key_frame.motion,
-            self._since_key_frame.cov,
+            self._since_key_frame.motion_cov,
             Observations(landmarks[observed], corners_robot.positions[observed], corners_robot.covs[observed]),
         )
         self._since_key_frame.reset()
+        self._odometry.add_key_frame()
         mounting = self._sensor.mounting
         seen = (scan.ranges > 0.0) & (scan.ranges >= self._sensor.range_min) & (scan.ranges <= self._sensor.range_max)
         ranges, angles = scan.ranges[seen], scan.angles[seen]
@@ -225,7 +226,7 @@ class Slam:
             raise ValueError("no scan was processed: there is nothing to finish")
         with self._timed("back_end"):
             estimate = self._solve()
-        stamps, poses_odom = np.array(self._stamps), np.array(self._poses_odom)
+        stamps, poses_map = np.array(self._stamps), np.array(self._poses_map)
         anchors = np.array([key_frame.record for key_frame in self._key_frames])
         kept = self._table.observations[estimate.landmarks] >= self.config.map.min_observations
         ids = estimate.landmarks[kept]
@@ -233,11 +234,12 @@ class Slam:
         wall_s = time.perf_counter() - self._started
         duration_s = float(stamps[-1] - stamps[0])
         return SlamResult(
-            trajectory=Trajectory(stamps, carry_corrections(poses_odom, anchors, estimate.poses_world_robot)),
+            trajectory=Trajectory(stamps, carry_corrections(poses_map, anchors, estimate.poses_world_robot)),
             trajectory_online=Trajectory(
                 np.array([stamp for stamp, _ in self._online]), np.array([pose for _, pose in self._online])
             ),
-            odometry=Trajectory(stamps, poses_odom),
+            trajectory_odometry=Trajectory(stamps, poses_map),
+            wheel_odometry=Trajectory(stamps, np.array(self._poses_odom)),
             landmarks=LandmarkMap(
                 ids=ids,
                 positions=estimate.positions_world[kept],
@@ -257,6 +259,7 @@ class Slam:
                 peak_memory_mb=peak_memory_mb(),
                 landmarks=len(ids),
                 key_frames=len(self._key_frames),
+                registrations=self._odometry.counts,
                 stages={name: StageTime.of(seconds) for name, seconds in self._stages.items()},
                 graph_converged=estimate.converged,
                 interrupted=interrupted,
@@ -283,6 +286,25 @@ class Slam:
         start = time.perf_counter()
         yield
         self._stages[stage].append(time.perf_counter() - start)
+
+
+def line_odometry(config: SlamConfig, pose_map_robot: Pose) -> LineOdometry:
+    """Odometry as it is configured, from its first pose."""
+    odometry = config.odometry
+    wheels = OdometryModel(
+        position_per_travel=odometry.position_per_travel,
+        position_per_turn=odometry.position_per_turn,
+        heading_per_travel=math.radians(odometry.heading_per_travel_deg),
+        heading_per_turn=math.radians(odometry.heading_per_turn_deg),
+    )
+    if odometry.source == "lines":
+        motion = ConstantVelocity(odometry.speed_change_m_s, math.radians(odometry.turn_rate_change_deg_s))
+    else:
+        motion = WheelMotion(wheels)
+    rules = config.extraction
+    sensor = config.sensor.model()
+    line_distance = max(rules.split_distance_mm * 1e-3, rules.split_sigmas * sensor.sigma_range)
+    return LineOdometry(pose_map_robot, motion, sensor, line_distance, odometry.key_frames)
 
 
 def gates(config: SlamConfig) -> Gates:

@@ -44,7 +44,7 @@ def draw_map(path: Path, title: str, result: SlamResult, rng: Generator) -> None
             points = points[np.sort(rng.choice(len(points), MOST_POINTS, replace=False))]
         axes.plot(points[:, 0], points[:, 1], ",", color="#8a94a3", alpha=0.5, zorder=1)
         axes.add_collection(LineCollection(list(result.walls), colors=WALL, linewidths=1.1, alpha=0.35, zorder=2))
-        odometry = result.odometry.poses
+        odometry = result.wheel_odometry.poses
         axes.plot(odometry[:, 0], odometry[:, 1], "--", color=ODOMETRY, linewidth=0.8, zorder=3)
         axes.plot(poses[:, 0], poses[:, 1], color=PATH, linewidth=1.3, zorder=4)
         axes.plot(*poses[0], "o", color=PATH, markersize=8, zorder=5)

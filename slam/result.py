@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from features.se2 import Array
 from slam.config import SlamConfig
+from slam.line_odometry import RegistrationCounts
 from slam.trajectory import Trajectory
 
 
@@ -91,6 +92,7 @@ class RunMetrics:
     peak_memory_mb: float | None
     landmarks: int
     key_frames: int
+    registrations: RegistrationCounts
     stages: dict[str, StageTime]
     graph_converged: bool
     interrupted: bool
@@ -110,7 +112,8 @@ class SlamResult:
     ----------
     trajectory : final pose of every record.
     trajectory_online : pose of the filter at each scan, as it was known at the time.
-    odometry : odometry pose of every record, in the odometry frame, which starts as the world frame.
+    trajectory_odometry : pose of every record by odometry alone, as configured, without landmarks.
+    wheel_odometry : what the log says of the pose of every record.
     landmarks : the map.
     walls : lines seen from the key frames, ends, shape (n, 2, 2) [m].
     points : scan points of the key frames, shape (m, 2) [m].
@@ -120,7 +123,8 @@ class SlamResult:
 
     trajectory: Trajectory
     trajectory_online: Trajectory
-    odometry: Trajectory
+    trajectory_odometry: Trajectory
+    wheel_odometry: Trajectory
     landmarks: LandmarkMap
     walls: Array
     points: Array

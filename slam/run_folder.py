@@ -15,7 +15,13 @@ from slam.errors import RunFolderError
 from slam.result import SlamResult
 from slam.trajectory import Trajectory, read_tum, write_tum
 
-TRAJECTORY, TRAJECTORY_ONLINE = "trajectory.tum", "trajectory_online.tum"
+TRAJECTORY, TRAJECTORY_ONLINE, TRAJECTORY_ODOMETRY = (
+    "trajectory.tum",
+    "trajectory_online.tum",
+    "trajectory_odometry.tum",
+)
+TRAJECTORIES = {"final": TRAJECTORY, "online": TRAJECTORY_ONLINE, "odometry": TRAJECTORY_ODOMETRY}
+"""Files of the trajectories of a run by the name that the command line takes."""
 LANDMARKS, METRICS, CONFIG, MAP = "landmarks.csv", "metrics.json", "config.toml", "map.png"
 
 
@@ -74,6 +80,7 @@ def save_run(folder: str | os.PathLike[str], result: SlamResult, title: str | No
         folder.mkdir(parents=True, exist_ok=True)
         write_tum(folder / TRAJECTORY, result.trajectory)
         write_tum(folder / TRAJECTORY_ONLINE, result.trajectory_online)
+        write_tum(folder / TRAJECTORY_ODOMETRY, result.trajectory_odometry)
         (folder / LANDMARKS).write_text(result.landmarks.to_csv(), encoding="utf-8")
         (folder / CONFIG).write_text(to_toml(config), encoding="utf-8")
         metrics = json.dumps(result.metrics.to_dict(), indent=2, allow_nan=False)
@@ -83,8 +90,8 @@ def save_run(folder: str | os.PathLike[str], result: SlamResult, title: str | No
         raise RunFolderError(f"{folder}: cannot be written: {error.strerror or error}") from None
 
 
-def read_trajectory(folder: Path) -> Trajectory:
-    """Read the final trajectory of a run.
+def read_trajectory(folder: Path, which: str = "final") -> Trajectory:
+    """Read a trajectory of a run, one of :data:`TRAJECTORIES`.
 
     Raises
     ------
@@ -93,10 +100,10 @@ def read_trajectory(folder: Path) -> Trajectory:
     TrajectoryFormatError
         Its trajectory is damaged.
     """
-    path = folder / TRAJECTORY
+    path = folder / TRAJECTORIES[which]
     if not folder.is_dir():
         problem = "is a file, not a run folder" if folder.exists() else "no such run folder"
         raise RunFolderError(f"{folder}: {problem}")
     if not path.is_file():
-        raise RunFolderError(f"{folder}: holds no {TRAJECTORY}, so it is not a run folder")
+        raise RunFolderError(f"{folder}: holds no {path.name}, so it is not a run folder")
     return read_tum(path)

@@ -83,7 +83,7 @@ def test_a_room_is_mapped_to_centimetres(seed):
     # Nothing is on the map that is not in the room, and nothing twice.
     assert len(result.landmarks) == len(corners)
     # Odometry alone is an order of magnitude worse: the landmarks made the difference.
-    assert ate(Trajectory(source.stamps, source.poses_world_robot), result.odometry).rmse_m > 0.3
+    assert ate(Trajectory(source.stamps, source.poses_world_robot), result.wheel_odometry).rmse_m > 0.3
 
 
 def test_the_second_sensor_preset_maps_the_room_too():
@@ -131,7 +131,7 @@ def test_a_result_fits_together():
     metrics, landmarks = result.metrics, result.landmarks
     np.testing.assert_array_equal(result.trajectory.stamps, source.stamps)
     np.testing.assert_array_equal(result.trajectory_online.stamps, source.stamps[source.has_scan])
-    np.testing.assert_array_equal(result.odometry.poses, source.poses_odom_robot)
+    np.testing.assert_array_equal(result.wheel_odometry.poses, source.poses_odom_robot)
     assert (metrics.records, metrics.scans) == (len(source), source.has_scan.sum())
     assert metrics.landmarks == len(landmarks) == len(landmarks.to_csv().splitlines()) - 1
     assert metrics.duration_s == pytest.approx(source.stamps[-1])
@@ -305,7 +305,7 @@ def test_a_caller_may_reuse_its_pose():
         slam.process(Frame(0.1 * k, here, scan_at(here, seed=k)))
         here[0] += 0.1
     result = slam.finish()
-    np.testing.assert_allclose(result.odometry.poses[:, 0], 2.0 + 0.1 * np.arange(20))
+    np.testing.assert_allclose(result.wheel_odometry.poses[:, 0], 2.0 + 0.1 * np.arange(20))
     np.testing.assert_allclose(result.trajectory.poses[:, 0], 2.0 + 0.1 * np.arange(20), atol=0.05)
 
 
@@ -350,7 +350,7 @@ def test_the_beginning_of_the_intel_log_runs_through():
     assert result.metrics.scans > 100
     assert len(result.landmarks) > 5
     # The filter does not run away from odometry, which is right to some metres over so short a way.
-    assert ate(result.odometry, result.trajectory).rmse_m < 5.0
+    assert ate(result.wheel_odometry, result.trajectory).rmse_m < 5.0
 
 
 def test_a_graph_without_solution_leaves_the_result_of_the_filter(

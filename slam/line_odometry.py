@@ -1,0 +1,187 @@
+"""Line-aided odometry: each scan is registered to the walls of the recent key frames."""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.stats import chi2
+
+from features.feature import Lines
+from features.scan import LaserScan
+from features.se2 import Array, Pose, between, wrap_angle
+from features.sensor import SensorModel
+from slam.drifting_pose import Anchor, DriftingPose
+from slam.errors import DivergedError
+from slam.line_map import LineMap, walls_of_lines
+from slam.odometry import ConstantVelocity, WheelMotion
+from slam.registration import Registration, RegistrationRules, register
+from slam.scan_points import ScanPoints, scan_points
+
+RULES = RegistrationRules()
+
+SURE_SHARE = 0.45
+"""Share of its points that lie on known walls with which a scan is sure to fit."""
+
+MARGIN = 0.15
+"""How much larger this share must be for another pose to be preferred to that which was predicted."""
+
+PRIOR_GATE = float(chi2.ppf(0.9999, 3))
+"""Squared Mahalanobis distance of the result from the prediction beyond which the scan is believed, not the latter."""
+
+UNKNOWN_MOTION = np.diag([0.3, 0.3, math.radians(20.0)]) ** 2
+"""Covariance of a motion that nothing tells anything of."""
+
+TURNS = np.radians([0.0, -8.0, 8.0, -16.0, 16.0])
+"""Headings beside the predicted one from which a second attempt starts."""
+
+STANDING = np.array([0.005, 0.005, math.radians(0.3)]) ** 2
+"""Variances of a motion that need no scan [m^2, m^2, rad^2]."""
+
+
+@dataclass(slots=True)
+class RegistrationCounts:
+    """What became of the scans that had walls to be registered to.
+
+    Parameters
+    ----------
+    registered, failed : scans that fitted, and those that did not, where the prediction stands.
+    second_attempts : scans that did not fit at once.
+    predictions_rejected : scans that fitted where the prediction, so the wheels, did not allow it.
+    """
+
+    registered: int = 0
+    failed: int = 0
+    second_attempts: int = 0
+    predictions_rejected: int = 0
+
+
+class LineOdometry:
+    """Dead reckoning that scans correct.
+
+    Parameters
+    ----------
+    pose_map_robot : first pose, shape (3,); it defines the map frame.
+    motion : what is expected before a scan is looked at.
+    sensor : noise, limits and mounting.
+    line_distance : how far a point may lie from the line of its scan [m].
+    key_frames : how many key frames the line map keeps.
+
+    Attributes
+    ----------
+    counts : what became of the scans.
+    """
+
+    def __init__(
+        self,
+        pose_map_robot: Pose,
+        motion: WheelMotion | ConstantVelocity,
+        sensor: SensorModel,
+        line_distance: float,
+        key_frames: int,
+    ) -> None:
+        self._drifting = DriftingPose(pose_map_robot)
+        self.counts = RegistrationCounts()
+        self._motion = motion
+        self._sensor = sensor
+        self._line_distance = line_distance
+        self._map = LineMap(key_frames)
+        self._since_scan = self._drifting.anchor()
+        self._since_correction = self._drifting.anchor()
+        self._scan: ScanPoints | None = None
+        self._fit: Registration | None = None
+
+    @property
+    def pose(self) -> Pose:
+        """Pose of the robot, map frame, shape (3,)."""
+        return self._drifting.pose
+
+    def anchor(self) -> Anchor:
+        """Remember this moment, to tell the motion since."""
+        return self._drifting.anchor()
+
+    def predict(self, stamp: float, pose_odom_robot: Pose) -> None:
+        """Move on to a record by what is expected of the motion.
+
+        Raises
+        ------
+        DivergedError
+            The pose or its covariance is no longer finite.
+        """
+        self._drifting.move(*self._motion.step(stamp, pose_odom_robot))
+        if not (np.isfinite(self._drifting.pose).all() and np.isfinite(self._drifting.cov).all()):
+            raise DivergedError("the pose or its covariance is no longer finite: look at the odometry")
+
+    def register(self, stamp: float, scan: LaserScan, lines: Lines) -> None:
+        """Correct the pose by a scan and its lines, sensor frame; where it fits nowhere the prediction stands."""
+        self._scan = scan_points(scan, walls_of_lines(lines, self._sensor.mounting), self._sensor, self._line_distance)
+        self._fit = self._match(self._scan) if len(self._map.walls) else None
+        if self._fit is not None and not self._stands:
+            self._drifting.correct(self._fit.information, self._fit.pull)
+            self._since_correction.reset()
+        self._motion.learn(stamp, self._since_scan.motion, self._since_scan.motion_cov)
+        self._since_scan.reset()
+
+    @property
+    def _stands(self) -> bool:
+        """Whether the motion since the last correction is known better than a scan could tell.
+
+        From the same place the errors of the walls are the same: to average over them would be to believe them.
+        """
+        return bool((np.diag(self._since_correction.motion_cov) < STANDING).all())
+
+    def add_key_frame(self) -> None:
+        """Put the walls of the latest scan on the line map."""
+        if self._scan is None:
+            return
+        self._map.add(self._scan.walls_robot, self._drifting.pose)
+
+    def _match(self, scan: ScanPoints) -> Registration | None:
+        """Register a scan; where it does not fit what is predicted, as if nothing were known of the motion."""
+        drifting = self._drifting
+        fit = register(scan, self._map.walls, drifting.pose, drifting.cov, drifting.pose, RULES)
+        distance2 = _distance2(fit, drifting.pose)
+        if fit.share < SURE_SHARE:
+            self.counts.second_attempts += 1
+            other, origin = self._match_anywhere(scan)
+            if other.share >= max(SURE_SHARE, fit.share + MARGIN):
+                self.counts.predictions_rejected += 1
+                drifting.move(between(drifting.pose, origin), UNKNOWN_MOTION)
+                fit = other
+            elif distance2 > PRIOR_GATE:
+                self.counts.failed += 1
+                return None
+        elif distance2 > PRIOR_GATE:
+            self.counts.predictions_rejected += 1
+            drifting.doubt(_change(fit, drifting.pose))
+            fit = register(scan, self._map.walls, drifting.pose, drifting.cov, fit.pose_map_robot, RULES)
+        self.counts.registered += 1
+        return fit
+
+    def _match_anywhere(self, scan: ScanPoints) -> tuple[Registration, Pose]:
+        """Best of the fits from here and from where the last scan was, and which of the two it is."""
+        cov = self._drifting.cov + UNKNOWN_MOTION
+        tries = [
+            (register(scan, self._map.walls, origin, cov, origin + np.array([0.0, 0.0, turn]), RULES), origin)
+            for origin in (self._drifting.pose, self._since_scan.pose)
+            for turn in TURNS
+        ]
+        return max(tries, key=lambda attempt: attempt[0].share * (_distance2(*attempt) <= PRIOR_GATE))
+
+
+def load_compiled(scan: LaserScan, lines: Lines, sensor: SensorModel) -> None:
+    """Load the compiled code, or make it at its first use on a machine."""
+    points = scan_points(scan, walls_of_lines(lines, sensor.mounting), sensor, 0.0)
+    register(points, points.walls_robot, np.zeros(3), np.zeros((3, 3)), np.zeros(3), RULES)
+
+
+def _change(fit: Registration, prior: Pose) -> Array:
+    """Difference of the coordinates of a fit and its prior, shape (3,)."""
+    change = fit.pose_map_robot - prior
+    change[2] = wrap_angle(float(change[2]))
+    return change
+
+
+def _distance2(fit: Registration, prior: Pose) -> float:
+    """Squared Mahalanobis distance of a fit from its prior."""
+    change = _change(fit, prior)
+    return float(change @ (fit.pull - fit.information @ change))

@@ -1,0 +1,313 @@
+"""Registration of a scan, point to line, to walls that were seen before."""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numba import njit
+
+from features.se2 import Array, Pose, wrap_angle
+from slam.line_map import CENTER, LENGTH, NORMAL_X, NORMAL_Y, VAR_ANGLE, VAR_OFFSET, WALL_X, WALL_Y
+from slam.scan_points import ScanPoints, behind
+
+NEAREST = 0.05
+"""A sensor nearer to the line of a wall than this does not see it [m]."""
+
+SUMS = {"reassoc", "contract", "arcp", "nsz"}
+"""Freedom for the compiler in sums; NaN and infinity keep their meaning."""
+
+WEIGHT, JACOBIAN_X, JACOBIAN_Y, JACOBIAN_TURN, RESIDUAL, CERTAINTY, PAIRS = range(7)
+"""Sums over the walls behind a beam."""
+
+
+@dataclass(frozen=True, slots=True)
+class RegistrationRules:
+    """What a registration takes for the same wall and when it ends.
+
+    Parameters
+    ----------
+    gate, final_gate : distance up to which a point may belong to a wall, at first and at last [m].
+    reach : how far beyond its ends a wall may go on [m].
+    scatter : how far apart the same wall lies as seen from different key frames [m].
+    roughness : how far the points of a real wall lie off a straight line, beyond the noise of the sensor [m].
+    crookedness : how far the directions of walls err, beyond the noise of the sensor [rad].
+    kernel : residual, in sigmas, where the Cauchy kernel halves the weight of a point.
+    turn : largest angle between a wall and the same wall as a line of the scan [rad].
+    max_iterations : limit of the iterations.
+    """
+
+    gate: float = 0.5
+    final_gate: float = 0.15
+    reach: float = 0.2
+    scatter: float = 0.02
+    roughness: float = 0.005
+    crookedness: float = math.radians(1.0)
+    kernel: float = 2.0
+    turn: float = math.radians(30.0)
+    max_iterations: int = 12
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Registration:
+    """Where a scan fits, and what it says of the pose.
+
+    Parameters
+    ----------
+    pose_map_robot : where prior and scan together put the robot, shape (3,) [m, m, rad].
+    information : of the pose, from the scan alone, shape (3, 3).
+    pull : what the information tells of the difference between the scan's pose and the prior's, shape (3,).
+    share : of the points of the scan those that lie on a wall, 0 to 1.
+    views : how many key frames know the wall behind a point, in the mean.
+    """
+
+    pose_map_robot: Pose
+    information: Array
+    pull: Array
+    share: float
+    views: float
+
+
+def register(
+    scan: ScanPoints, walls: Array, prior: Pose, prior_cov: Array, start: Pose, rules: RegistrationRules
+) -> Registration:
+    """Fit the points of a scan to walls, given where the robot should be (eq. M27-M31).
+
+    Parameters
+    ----------
+    scan : points, robot frame.
+    walls : map frame, shape (m, WALL_FIELDS).
+    prior, prior_cov : pose that is expected, map frame, shape (3,), and its covariance, shape (3, 3); may be singular.
+    start : pose from which the iterations start, shape (3,).
+    rules : gates and limits.
+    """
+    sensor = scan.sensor
+    pose, information, pull, inliers, pairs, paired = _register_kernel(
+        scan.points, scan.ranges, scan.bearings, scan.lines, scan.walls_robot, sensor.mounting.x, sensor.mounting.y,
+        sensor.sigma_range**2, sensor.sigma_bearing**2, walls, prior, prior_cov, start, rules.gate, rules.final_gate,
+        rules.reach, rules.scatter**2, rules.roughness**2, rules.kernel**2, math.cos(rules.turn),
+        rules.crookedness**2, rules.max_iterations,
+    )  # fmt: skip
+    pose[2] = wrap_angle(float(pose[2]))
+    return Registration(pose, information, pull, inliers / max(len(scan), 1), pairs / max(paired, 1))
+
+
+@njit(cache=True, error_model="numpy")
+def _take_off_feigned(information, pull, crookedness2):
+    """Take off what walls of slightly different directions feign to know of the position along them (eq. M30)."""
+    if information[2, 2] <= 0.0:
+        return
+    # With the heading that is best for each position; what is left is of the position alone.
+    arm_x = information[0, 2] / information[2, 2]
+    arm_y = information[1, 2] / information[2, 2]
+    xx = information[0, 0] - arm_x * information[0, 2]
+    xy = information[0, 1] - arm_x * information[1, 2]
+    yy = information[1, 1] - arm_y * information[1, 2]
+    middle = 0.5 * (xx + yy)
+    half = math.hypot(0.5 * (xx - yy), xy)
+    least = middle - half
+    feigned = min(max(least, 0.0), crookedness2 * (middle + half))
+    if feigned <= 0.0:
+        return
+    weak = 0.5 * math.atan2(-2.0 * xy, yy - xx)
+    weak_x = math.cos(weak)
+    weak_y = math.sin(weak)
+    force = feigned / least * (weak_x * (pull[0] - arm_x * pull[2]) + weak_y * (pull[1] - arm_y * pull[2]))
+    pull[0] -= force * weak_x
+    pull[1] -= force * weak_y
+    information[0, 0] -= feigned * weak_x * weak_x
+    information[0, 1] -= feigned * weak_x * weak_y
+    information[1, 0] -= feigned * weak_x * weak_y
+    information[1, 1] -= feigned * weak_y * weak_y
+
+
+@njit(cache=True, error_model="numpy", fastmath=SUMS)
+def _register_kernel(
+    points, ranges, bearings, lines, walls_robot, origin_x, origin_y, var_range, var_bearing, walls, prior, prior_cov,
+    start, gate, final_gate, reach, var_scatter, var_rough, kernel2, cos_turn, crookedness2,
+    max_iterations,
+):  # fmt: skip
+    n = ranges.size
+    beams = np.empty((n, 7))
+    knowledge = np.empty((len(walls_robot), 3))
+    sums = np.empty((len(walls_robot), 8))
+    information = np.empty((3, 3))
+    gradient = np.empty(3)
+    pose = start.copy()
+    pull = np.zeros(3)
+    inliers = 0
+    for _ in range(max_iterations):
+        last = gate <= final_gate
+        # A wide gate takes in what a good start would not: the wider it is, the less a residual says.
+        spread = 0.0 if last else gate * gate / 16.0
+        _lay_walls(
+            points, bearings, lines, walls_robot, origin_x, origin_y, walls, pose, gate, reach,
+            max(var_scatter, spread), cos_turn, beams, knowledge,
+        )  # fmt: skip
+        inliers = _accumulate(
+            ranges, bearings, lines, beams, knowledge, pose[2], var_range, var_bearing, var_rough, spread, kernel2,
+            sums, information, gradient,
+        )  # fmt: skip
+        offset = pose - prior
+        offset[2] = (offset[2] + math.pi) % (2.0 * math.pi) - math.pi
+        pull = information @ offset - gradient
+        _take_off_feigned(information, pull, crookedness2)
+        moved = np.linalg.solve(np.eye(3) + prior_cov @ information, prior_cov @ pull)
+        step = np.abs(moved - offset).sum()
+        pose = prior + moved
+        if last and step < 1e-4:
+            break
+        gate = max(final_gate, 0.6 * gate)
+    return pose, information, pull, inliers, beams[:, PAIRS].sum(), (beams[:, PAIRS] > 0.0).sum()
+
+
+@njit(cache=True, error_model="numpy", fastmath=SUMS)
+def _lay_walls(
+    points, bearings, lines, walls_robot, origin_x, origin_y, walls, pose, gate, reach, var_scatter, cos_turn, beams,
+    knowledge,
+):  # fmt: skip
+    """Sum up, for each beam, the walls behind it, and for each line of the scan what the walls know of it (eq. M28)."""
+    beams[:] = 0.0
+    knowledge[:] = 0.0
+    n = bearings.size
+    c = math.cos(pose[2])
+    s = math.sin(pose[2])
+    sensor_x = c * origin_x - s * origin_y
+    sensor_y = s * origin_x + c * origin_y
+    for k in range(len(walls)):
+        normal_x = walls[k, NORMAL_X]
+        normal_y = walls[k, NORMAL_Y]
+        base_x = walls[k, WALL_X] - pose[0]
+        base_y = walls[k, WALL_Y] - pose[1]
+        arm_x = base_x - sensor_x
+        arm_y = base_y - sensor_y
+        # A wall has one face.
+        if normal_x * arm_x + normal_y * arm_y > -NEAREST:
+            continue
+        half = 0.5 * walls[k, LENGTH] + reach
+        lever = normal_y * base_x - normal_x * base_y
+        lever_center = lever + walls[k, CENTER]
+        certain_offset = 1.0 / walls[k, VAR_OFFSET]
+        certain_angle = 1.0 / walls[k, VAR_ANGLE]
+        begin, end = behind(bearings, arm_x, arm_y, normal_x, normal_y, half, pose[2])
+        for m in range(begin, end):
+            i = m if m < n else m - n
+            x = c * points[i, 0] - s * points[i, 1]
+            y = s * points[i, 0] + c * points[i, 1]
+            residual = normal_x * (x - base_x) + normal_y * (y - base_y)
+            turning = normal_y * x - normal_x * y
+            if abs(residual) > gate or abs(turning - lever) > half:
+                continue
+            line = lines[i]
+            if line >= 0:
+                line_x, line_y = walls_robot[line, NORMAL_X], walls_robot[line, NORMAL_Y]
+                if normal_x * (c * line_x - s * line_y) + normal_y * (s * line_x + c * line_y) < cos_turn:
+                    continue
+            arm = turning - lever_center
+            variance = walls[k, VAR_OFFSET] + walls[k, VAR_ANGLE] * arm * arm
+            apart = variance + var_scatter
+            robust = 1.0 / (1.0 + residual * residual / (4.0 * apart))
+            weight = robust / apart
+            beams[i, WEIGHT] += weight
+            beams[i, JACOBIAN_X] += weight * normal_x
+            beams[i, JACOBIAN_Y] += weight * normal_y
+            beams[i, JACOBIAN_TURN] += weight * turning
+            beams[i, RESIDUAL] += weight * residual
+            beams[i, CERTAINTY] += robust / variance
+            beams[i, PAIRS] += 1.0
+            if line >= 0:
+                knowledge[line, 0] += robust * certain_offset
+                knowledge[line, 1] += robust * certain_offset * lever_center
+                knowledge[line, 2] += robust * (certain_offset * lever_center * lever_center + certain_angle)
+
+
+@njit(cache=True, error_model="numpy", fastmath=SUMS)
+def _accumulate(
+    ranges, bearings, lines, beams, knowledge, heading, var_range, var_bearing, var_rough, spread, kernel2, sums,
+    information, gradient,
+):  # fmt: skip
+    """Fill information and gradient at the pose where the walls were laid; return the number of inliers (eq. M29)."""
+    information[:] = 0.0
+    gradient[:] = 0.0
+    sums[:] = 0.0
+    inliers = 0
+    for i in range(ranges.size):
+        weight = beams[i, WEIGHT]
+        if weight == 0.0:
+            continue
+        by_x = beams[i, JACOBIAN_X] / weight
+        by_y = beams[i, JACOBIAN_Y] / weight
+        by_turn = beams[i, JACOBIAN_TURN] / weight
+        residual = beams[i, RESIDUAL] / weight
+        incidence = by_x * math.cos(bearings[i] + heading) + by_y * math.sin(bearings[i] + heading)
+        slant2 = max(0.0, 1.0 - incidence * incidence)
+        variance = (
+            var_range * incidence * incidence + var_bearing * ranges[i] * ranges[i] * slant2 + var_rough
+        )  # eq. M3
+        wall = 1.0 / beams[i, CERTAINTY]
+        allowed = variance + wall + spread
+        robust = 1.0 / (1.0 + residual * residual / (kernel2 * allowed))
+        if residual * residual < 9.0 * allowed:
+            inliers += 1
+        line = lines[i]
+        if line < 0:
+            _add(information, gradient, by_x, by_y, by_turn, robust / (variance + wall), residual)
+            continue
+        weight = robust / variance
+        sums[line, 0] += weight
+        sums[line, 1] += weight * by_x
+        sums[line, 2] += weight * by_y
+        sums[line, 3] += weight * by_turn
+        sums[line, 4] += weight * by_turn * by_turn
+        sums[line, 5] += weight * residual
+        sums[line, 6] += weight * residual * by_turn
+        sums[line, 7] += 1.0
+    for line in range(len(sums)):
+        total = sums[line, 0]
+        if sums[line, 7] < 2.0:
+            continue
+        by_x = sums[line, 1] / total
+        by_y = sums[line, 2] / total
+        lever = sums[line, 3] / total
+        offset = sums[line, 5] / total
+        spread_lever = sums[line, 4] - total * lever * lever
+        turn = (sums[line, 6] - total * lever * offset) / spread_lever
+        # What the walls know, per point, with respect to offset and turn at this lever.
+        known = knowledge[line, 0] / sums[line, 7]
+        known_mixed = knowledge[line, 1] / sums[line, 7] - lever * known
+        known_turn = knowledge[line, 2] / sums[line, 7] - lever * (2.0 * known_mixed + lever * known)
+        determinant = known * known_turn - known_mixed * known_mixed
+        cov_offset = 1.0 / total + known_turn / determinant
+        cov_turn = 1.0 / spread_lever + known / determinant
+        cov_mixed = -known_mixed / determinant
+        determinant = cov_offset * cov_turn - cov_mixed * cov_mixed
+        a = cov_turn / determinant
+        b = -cov_mixed / determinant
+        d = cov_offset / determinant
+        # Jacobian of offset and turn by the pose: rows (by_x, by_y, lever) and (0, 0, 1).
+        force = a * offset + b * turn
+        information[0, 0] += a * by_x * by_x
+        information[0, 1] += a * by_x * by_y
+        information[1, 1] += a * by_y * by_y
+        information[0, 2] += (a * lever + b) * by_x
+        information[1, 2] += (a * lever + b) * by_y
+        information[2, 2] += a * lever * lever + 2.0 * b * lever + d
+        gradient[0] += force * by_x
+        gradient[1] += force * by_y
+        gradient[2] += force * lever + b * offset + d * turn
+    information[1, 0] = information[0, 1]
+    information[2, 0] = information[0, 2]
+    information[2, 1] = information[1, 2]
+    return inliers
+
+
+@njit(cache=True, error_model="numpy")
+def _add(information, gradient, by_x, by_y, by_turn, weight, residual):
+    information[0, 0] += weight * by_x * by_x
+    information[0, 1] += weight * by_x * by_y
+    information[1, 1] += weight * by_y * by_y
+    information[0, 2] += weight * by_x * by_turn
+    information[1, 2] += weight * by_y * by_turn
+    information[2, 2] += weight * by_turn * by_turn
+    gradient[0] += weight * by_x * residual
+    gradient[1] += weight * by_y * residual
+    gradient[2] += weight * by_turn * residual

@@ -1,0 +1,113 @@
+"""The points of a scan in the order of their bearings, and the line that each belongs to."""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from features.scan import LaserScan
+from features.se2 import TWO_PI, Array
+from features.sensor import SensorModel
+from slam.line_map import LENGTH, NORMAL_X, NORMAL_Y, WALL_X, WALL_Y
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ScanPoints:
+    """Points of a scan that a registration works on.
+
+    Parameters
+    ----------
+    points : robot frame, shape (n, 2) [m].
+    ranges : shape (n,) [m].
+    bearings : directions from the sensor in the axes of the robot, rising, shape (n,), in [-pi, pi) [rad].
+    lines : index of the line of the scan that each point belongs to, -1 for none, shape (n,).
+    walls_robot : lines of the scan as walls, robot frame, shape (L, WALL_FIELDS).
+    sensor : noise of a beam and mounting.
+    """
+
+    points: Array
+    ranges: Array
+    bearings: Array
+    lines: NDArray[np.int64]
+    walls_robot: Array
+    sensor: SensorModel
+
+    def __len__(self) -> int:
+        return self.ranges.size
+
+
+def scan_points(scan: LaserScan, walls_robot: Array, sensor: SensorModel, distance: float) -> ScanPoints:
+    """Points of a scan, with the line of each.
+
+    Parameters
+    ----------
+    scan : sensor frame.
+    walls_robot : lines of the scan as walls, robot frame, shape (L, WALL_FIELDS).
+    sensor : limits, noise and mounting.
+    distance : how far a point may lie from the line that it belongs to [m].
+    """
+    mounting = sensor.mounting
+    points, ranges, bearings, lines = _points_kernel(
+        scan.ranges, scan.angles, sensor.range_min, sensor.range_max, mounting.x, mounting.y, mounting.theta,
+        -1.0 if mounting.upside_down else 1.0, walls_robot, distance,
+    )  # fmt: skip
+    return ScanPoints(points, ranges, bearings, lines, walls_robot, sensor)
+
+
+@njit(cache=True, error_model="numpy")
+def _points_kernel(
+    scan_ranges, scan_angles, range_min, range_max, origin_x, origin_y, yaw, sense, walls_robot, distance
+):  # fmt: skip
+    kept = (scan_ranges > 0.0) & (scan_ranges >= range_min) & (scan_ranges <= range_max)
+    ranges = scan_ranges[kept]
+    bearings = (yaw + sense * scan_angles[kept] + math.pi) % TWO_PI - math.pi
+    for i in range(1, ranges.size):
+        if bearings[i] < bearings[i - 1]:
+            order = np.argsort(bearings, kind="mergesort")
+            bearings = bearings[order]
+            ranges = ranges[order]
+            break
+    n = ranges.size
+    points = np.empty((n, 2))
+    for i in range(n):
+        points[i, 0] = origin_x + ranges[i] * math.cos(bearings[i])
+        points[i, 1] = origin_y + ranges[i] * math.sin(bearings[i])
+
+    lines = np.full(n, -1)
+    for k in range(len(walls_robot)):
+        normal_x = walls_robot[k, NORMAL_X]
+        normal_y = walls_robot[k, NORMAL_Y]
+        arm_x = walls_robot[k, WALL_X] - origin_x
+        arm_y = walls_robot[k, WALL_Y] - origin_y
+        begin, end = behind(bearings, arm_x, arm_y, normal_x, normal_y, 0.5 * walls_robot[k, LENGTH], 0.0)
+        for m in range(begin, end):
+            i = m if m < n else m - n
+            residual = normal_x * (points[i, 0] - origin_x - arm_x) + normal_y * (points[i, 1] - origin_y - arm_y)
+            if abs(residual) <= distance:
+                lines[i] = k
+    return points, ranges, bearings, lines
+
+
+@njit(cache=True, error_model="numpy")
+def behind(bearings, arm_x, arm_y, normal_x, normal_y, half, heading):
+    """Beams that meet a wall: first, and behind the last, counted on beyond n where they cross the end of the scan.
+
+    Parameters
+    ----------
+    bearings : rising, shape (n,), in [-pi, pi) [rad].
+    arm_x, arm_y : from the sensor to the middle of the wall [m].
+    normal_x, normal_y : normal of the wall, towards the sensor.
+    half : half the length of the wall [m].
+    heading : direction from which bearings count, in the frame of the wall [rad].
+    """
+    # Seen from its front a wall runs counter-clockwise along its normal turned by a quarter to the right.
+    first = math.atan2(arm_y + half * normal_x, arm_x - half * normal_y) - heading
+    last = math.atan2(arm_y - half * normal_x, arm_x + half * normal_y) - heading
+    span = (last - first) % TWO_PI
+    first = (first + math.pi) % TWO_PI - math.pi
+    begin = np.searchsorted(bearings, first)
+    if first + span < math.pi:
+        return begin, np.searchsorted(bearings, first + span, side="right")
+    return begin, bearings.size + np.searchsorted(bearings, first + span - TWO_PI, side="right")
