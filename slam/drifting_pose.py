@@ -1,8 +1,11 @@
 """A pose that drifts, how far its error reaches, and the motion since earlier moments."""
 
-import numpy as np
+import math
 
-from features.se2 import Array, Pose, between, compose, compose_jacobians, wrap_angle
+import numpy as np
+from numba import njit
+
+from features.se2 import Array, Pose, between, wrap_angle
 
 
 class DriftingPose:
@@ -21,20 +24,20 @@ class DriftingPose:
     def __init__(self, pose_map_robot: Pose) -> None:
         self.pose: Pose = np.array(pose_map_robot)
         self.cov: Array = np.zeros((3, 3))
-        self._anchors: list[Anchor] = []
+        self._poses: Array = np.empty((0, 3))
+        self._covs: Array = np.empty((0, 3, 3))
+        self._crosses: Array = np.empty((0, 3, 3))
 
     def anchor(self) -> "Anchor":
         """Remember this moment, to tell the motion since."""
-        self._anchors.append(Anchor(self))
-        return self._anchors[-1]
+        self._poses = np.concatenate([self._poses, self.pose[None]])
+        self._covs = np.concatenate([self._covs, self.cov[None]])
+        self._crosses = np.concatenate([self._crosses, self.cov[None]])
+        return Anchor(self, len(self._poses) - 1)
 
     def move(self, motion: Pose, motion_cov: Array) -> None:
         """Append a motion, a pose in the robot's frame before it, with the covariance of its coordinates (eq. M11)."""
-        by_pose, by_motion = compose_jacobians(self.pose, motion)
-        self.cov = by_pose @ self.cov @ by_pose.T + by_motion @ motion_cov @ by_motion.T
-        self.pose = compose(self.pose, motion)
-        for anchor in self._anchors:
-            anchor.cross = by_pose @ anchor.cross
+        self.pose, self.cov = _move(self.pose, self.cov, self._crosses, motion, motion_cov)
 
     def doubt(self, slip: Array) -> None:
         """Allow for a slip since the anchors, shape (3,), that nothing foresaw, as large as it turned out (eq. M32)."""
@@ -48,58 +51,50 @@ class DriftingPose:
         information : of the pose, shape (3, 3); may be singular.
         pull : information times the difference between the scan's pose and this one, shape (3,).
         """
-        shrink = np.linalg.inv(np.eye(3) + self.cov @ information)
-        change = shrink @ self.cov @ pull
-        rest = pull - information @ change
-        loss = information @ shrink
-        for anchor in self._anchors:
-            anchor.pose = _shifted(anchor.pose, anchor.cross.T @ rest)
-            anchor.cov = _symmetric(anchor.cov - anchor.cross.T @ loss @ anchor.cross)
-            anchor.cross = shrink @ anchor.cross
-        self.pose = _shifted(self.pose, change)
-        self.cov = _symmetric(shrink @ self.cov)
+        change, self.cov = _correct(self.cov, self._poses, self._covs, self._crosses, information, pull)
+        self.pose = self.pose + change
+        self.pose[2] = wrap_angle(float(self.pose[2]))
+
+    def reset(self, index: int) -> None:
+        """Move an anchor to this moment."""
+        self._poses[index] = self.pose
+        self._covs[index] = self._crosses[index] = self.cov
+
+    def motion(self, index: int) -> Pose:
+        """Pose of the robot in its frame at an anchor, shape (3,)."""
+        return between(self._poses[index], self.pose)
+
+    def motion_cov(self, index: int) -> Array:
+        """Covariance of :meth:`motion`, shape (3, 3) (eq. M33)."""
+        return _motion_cov(self._poses[index], self.pose, self._covs[index], self.cov, self._crosses[index])
 
 
 class Anchor:
-    """A moment of a :class:`DriftingPose`; knows the motion since, with its covariance.
+    """A moment of a :class:`DriftingPose`, to be had from :meth:`DriftingPose.anchor`; knows the motion since."""
 
-    Attributes
-    ----------
-    pose, cov : pose at that moment, as it is known now, and the covariance of its error.
-    cross : covariance of the error now with the error then, shape (3, 3).
-    """
-
-    def __init__(self, drifting: DriftingPose) -> None:
-        self._now = drifting
-        self.reset()
+    def __init__(self, drifting: DriftingPose, index: int) -> None:
+        self._drifting = drifting
+        self._index = index
 
     def reset(self) -> None:
         """Move the anchor to this moment."""
-        self.pose: Pose = self._now.pose.copy()
-        self.cov: Array = self._now.cov.copy()
-        self.cross: Array = self._now.cov.copy()
+        self._drifting.reset(self._index)
 
     @property
     def motion(self) -> Pose:
         """Pose of the robot now in its frame at that moment, shape (3,)."""
-        return between(self.pose, self._now.pose)
+        return self._drifting.motion(self._index)
 
     @property
     def motion_cov(self) -> Array:
-        """Covariance of the coordinates of the motion, shape (3, 3) (eq. M33)."""
-        motion = self.motion
-        c, s = np.cos(self.pose[2]), np.sin(self.pose[2])
-        by_now = np.array([[c, s, 0.0], [-s, c, 0.0], [0.0, 0.0, 1.0]])
-        by_then = -by_now
-        by_then[0, 2], by_then[1, 2] = motion[1], -motion[0]
-        mixed = by_now @ self.cross @ by_then.T
-        return _symmetric(by_now @ self._now.cov @ by_now.T + by_then @ self.cov @ by_then.T + mixed + mixed.T)
+        """Covariance of the coordinates of the motion, shape (3, 3)."""
+        return self._drifting.motion_cov(self._index)
 
     @property
     def travel(self) -> float:
         """Distance between that moment and now [m]."""
-        motion = self.motion
-        return float(np.hypot(motion[0], motion[1]))
+        x, y, _ = self.motion
+        return math.hypot(x, y)
 
     @property
     def turn(self) -> float:
@@ -107,11 +102,47 @@ class Anchor:
         return abs(float(self.motion[2]))
 
 
-def _shifted(at: Pose, change: Array) -> Pose:
-    moved = at + change
-    moved[2] = wrap_angle(float(moved[2]))
-    return moved
+@njit(cache=True, error_model="numpy")
+def _move(pose, cov, crosses, motion, motion_cov):
+    """Pose and covariance after a motion; crosses are changed in place."""
+    c = math.cos(pose[2])
+    s = math.sin(pose[2])
+    arm_x = c * motion[0] - s * motion[1]
+    arm_y = s * motion[0] + c * motion[1]
+    by_pose = np.array([[1.0, 0.0, -arm_y], [0.0, 1.0, arm_x], [0.0, 0.0, 1.0]])
+    by_motion = np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
+    for k in range(len(crosses)):
+        crosses[k] = by_pose @ crosses[k]
+    heading = (pose[2] + motion[2] + math.pi) % (2.0 * math.pi) - math.pi
+    moved = np.array([pose[0] + arm_x, pose[1] + arm_y, heading])
+    return moved, by_pose @ cov @ by_pose.T + by_motion @ motion_cov @ by_motion.T
 
 
-def _symmetric(matrix: Array) -> Array:
-    return 0.5 * (matrix + matrix.T)
+@njit(cache=True, error_model="numpy")
+def _correct(cov, poses, covs, crosses, information, pull):
+    """Change of the pose, and its covariance, by a scan; what belongs to the anchors is changed in place."""
+    shrink = np.linalg.inv(np.eye(3) + cov @ information)
+    after = shrink @ cov
+    change = after @ pull
+    rest = pull - information @ change
+    loss = information @ shrink
+    for k in range(len(poses)):
+        back = crosses[k].T.copy()
+        poses[k] += back @ rest
+        less = covs[k] - back @ loss @ crosses[k]
+        covs[k] = 0.5 * (less + less.T)
+        crosses[k] = shrink @ crosses[k]
+    return change, 0.5 * (after + after.T)
+
+
+@njit(cache=True, error_model="numpy")
+def _motion_cov(pose_then, pose_now, cov_then, cov_now, cross):
+    c = math.cos(pose_then[2])
+    s = math.sin(pose_then[2])
+    x = pose_now[0] - pose_then[0]
+    y = pose_now[1] - pose_then[1]
+    by_now = np.array([[c, s, 0.0], [-s, c, 0.0], [0.0, 0.0, 1.0]])
+    by_then = np.array([[-c, -s, c * y - s * x], [s, -c, -c * x - s * y], [0.0, 0.0, -1.0]])
+    mixed = by_now @ cross @ by_then.T
+    cov = by_now @ cov_now @ by_now.T + by_then @ cov_then @ by_then.T + mixed + mixed.T
+    return 0.5 * (cov + cov.T)

@@ -8,7 +8,7 @@ from scipy.stats import chi2
 
 from features.feature import Lines
 from features.scan import LaserScan
-from features.se2 import Array, Pose, between, wrap_angle
+from features.se2 import Array, Pose, between, compose, inverse, wrap_angle
 from features.sensor import SensorModel
 from slam.drifting_pose import Anchor, DriftingPose
 from slam.errors import DivergedError
@@ -33,6 +33,9 @@ UNKNOWN_MOTION = np.diag([0.3, 0.3, math.radians(20.0)]) ** 2
 
 TURNS = np.radians([0.0, -8.0, 8.0, -16.0, 16.0])
 """Headings beside the predicted one from which a second attempt starts."""
+
+FAR = 0.3
+"""Motion since the last scan beyond which a second attempt starts from there too [m]."""
 
 STANDING = np.array([0.005, 0.005, math.radians(0.3)]) ** 2
 """Variances of a motion that need no scan [m^2, m^2, rad^2]."""
@@ -123,7 +126,7 @@ class LineOdometry:
         if self._fit is not None and not self._stands:
             self._drifting.correct(self._fit.information, self._fit.pull)
             self._since_correction.reset()
-        self._motion.learn(stamp, self._since_scan.motion, self._since_scan.motion_cov)
+        self._motion.learn(stamp, self._since_scan)
         self._since_scan.reset()
 
     @property
@@ -165,9 +168,12 @@ class LineOdometry:
     def _match_anywhere(self, scan: ScanPoints) -> tuple[Registration, Pose]:
         """Best of the fits from here and from where the last scan was, and which of the two it is."""
         cov = self._drifting.cov + UNKNOWN_MOTION
+        origins = [self._drifting.pose]
+        if self._since_scan.travel > FAR:
+            origins.append(compose(self._drifting.pose, inverse(self._since_scan.motion)))
         tries = [
             (register(scan, self._map.walls, origin, cov, origin + np.array([0.0, 0.0, turn]), RULES), origin)
-            for origin in (self._drifting.pose, self._since_scan.pose)
+            for origin in origins
             for turn in TURNS
         ]
         return max(tries, key=lambda attempt: attempt[0].share * (_distance2(*attempt) <= PRIOR_GATE))

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from features.se2 import Array, Pose, between, pose
+from slam.drifting_pose import Anchor
 
 
 @dataclass(frozen=True, slots=True)
@@ -52,7 +53,7 @@ class WheelMotion:
         motion = between(before, pose_odom_robot)
         return motion, self._model.covariance(motion)
 
-    def learn(self, stamp: float, motion: Pose, motion_cov: Array) -> None:
+    def learn(self, stamp: float, since_scan: Anchor) -> None:
         """Wheels do not learn from scans."""
 
 
@@ -87,11 +88,11 @@ class ConstantVelocity:
         """Covariance of the motion since the last scan, eq. M34."""
         return elapsed**2 * (self._velocity_cov + (self._interval + elapsed) / 3.0 * self._density)
 
-    def learn(self, stamp: float, motion: Pose, motion_cov: Array) -> None:
-        """Take the motion between the last two scans, the later one at ``stamp``, for the velocity."""
+    def learn(self, stamp: float, since_scan: Anchor) -> None:
+        """Take the motion since the last scan, the latest one at ``stamp``, for the velocity."""
         interval = stamp - (stamp if self._learned is None else self._learned)
         self._learned = self._stamp = stamp
         if interval > 0.0:
             self._interval = interval
-            self._velocity = motion / interval
-            self._velocity_cov = motion_cov / interval**2
+            self._velocity = since_scan.motion / interval
+            self._velocity_cov = since_scan.motion_cov / interval**2

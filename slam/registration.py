@@ -127,6 +127,7 @@ def _register_kernel(
     max_iterations,
 ):  # fmt: skip
     n = ranges.size
+    turned = np.empty((n, 2))
     beams = np.empty((n, 7))
     knowledge = np.empty((len(walls_robot), 3))
     sums = np.empty((len(walls_robot), 8))
@@ -141,7 +142,7 @@ def _register_kernel(
         spread = 0.0 if last else gate * gate / 16.0
         _lay_walls(
             points, bearings, lines, walls_robot, origin_x, origin_y, walls, pose, gate, reach,
-            max(var_scatter, spread), cos_turn, beams, knowledge,
+            max(var_scatter, spread), cos_turn, turned, beams, knowledge,
         )  # fmt: skip
         inliers = _accumulate(
             ranges, bearings, lines, beams, knowledge, pose[2], var_range, var_bearing, var_rough, spread, kernel2,
@@ -162,8 +163,8 @@ def _register_kernel(
 
 @njit(cache=True, error_model="numpy", fastmath=SUMS)
 def _lay_walls(
-    points, bearings, lines, walls_robot, origin_x, origin_y, walls, pose, gate, reach, var_scatter, cos_turn, beams,
-    knowledge,
+    points, bearings, lines, walls_robot, origin_x, origin_y, walls, pose, gate, reach, var_scatter, cos_turn, turned,
+    beams, knowledge,
 ):  # fmt: skip
     """Sum up, for each beam, the walls behind it, and for each line of the scan what the walls know of it (eq. M28)."""
     beams[:] = 0.0
@@ -171,6 +172,9 @@ def _lay_walls(
     n = bearings.size
     c = math.cos(pose[2])
     s = math.sin(pose[2])
+    for i in range(n):
+        turned[i, 0] = c * points[i, 0] - s * points[i, 1]
+        turned[i, 1] = s * points[i, 0] + c * points[i, 1]
     sensor_x = c * origin_x - s * origin_y
     sensor_y = s * origin_x + c * origin_y
     for k in range(len(walls)):
@@ -191,8 +195,8 @@ def _lay_walls(
         begin, end = behind(bearings, arm_x, arm_y, normal_x, normal_y, half, pose[2])
         for m in range(begin, end):
             i = m if m < n else m - n
-            x = c * points[i, 0] - s * points[i, 1]
-            y = s * points[i, 0] + c * points[i, 1]
+            x = turned[i, 0]
+            y = turned[i, 1]
             residual = normal_x * (x - base_x) + normal_y * (y - base_y)
             turning = normal_y * x - normal_x * y
             if abs(residual) > gate or abs(turning - lever) > half:

@@ -19,7 +19,15 @@ from slam.cli import main
 from slam.trajectory import read_tum
 
 SCAN = "FLASER 8 1 1.1 1.2 1.3 1.4 1.5 1.6 1.7 0 0 0 {x} 0 0 {stamp} host {stamp}"
-FILES = {"trajectory.tum", "trajectory_online.tum", "landmarks.csv", "metrics.json", "config.toml", "map.png"}
+FILES = {
+    "trajectory.tum",
+    "trajectory_online.tum",
+    "trajectory_odometry.tum",
+    "landmarks.csv",
+    "metrics.json",
+    "config.toml",
+    "map.png",
+}
 
 
 class Outcome(NamedTuple):

@@ -24,6 +24,7 @@ from slam.errors import DivergedError
 from slam.graph import LandmarkGraph
 from slam.metrics import ate, match_landmarks
 from slam.pipeline import Slam
+from slam.relations import Relations, read_relations, relations
 from slam.result import SlamResult
 from slam.trajectory import Trajectory, write_tum
 
@@ -102,14 +103,17 @@ MOUNTINGS = {
 
 @pytest.mark.parametrize("name", MOUNTINGS)
 def test_the_mounting_is_honoured(name):
-    """Told where the sensor sits, a lap maps the room as well as ever; told that it sits at the origin, it does not."""
+    """Told where the sensor sits, a lap maps the room as well as ever; told that it sits at the origin, it does not.
+
+    Misled, the scans still tell the motion of the sensor; the trajectory is wrong by as much as that differs.
+    """
     source = room_run(1, mounting=MOUNTINGS[name])
     lap = list(itertools.islice(source, 1500))
     ate_m, landmark_m, corners = accuracy(source, processed(lap, config_for(source)))
     assert ate_m < 0.05
     assert landmark_m < 0.03
     ate_misled_m, _, corners_misled = accuracy(source, processed(lap, config_for(source, Mounting())))
-    assert ate_misled_m > 0.1
+    assert ate_misled_m > 20.0 * ate_m
     assert len(corners_misled) <= 0.5 * len(corners)
 
 
@@ -135,7 +139,8 @@ def test_a_result_fits_together():
     assert (metrics.records, metrics.scans) == (len(source), source.has_scan.sum())
     assert metrics.landmarks == len(landmarks) == len(landmarks.to_csv().splitlines()) - 1
     assert metrics.duration_s == pytest.approx(source.stamps[-1])
-    assert set(metrics.stages) == {"extract", "front_end", "back_end"}
+    assert set(metrics.stages) == {"extract", "odometry", "front_end", "back_end"}
+    assert metrics.registrations.registered == metrics.scans - 1
     assert not metrics.interrupted
     assert (landmarks.observations >= 3).all()
     assert (np.linalg.eigvalsh(landmarks.covs) > 0.0).all()
@@ -215,9 +220,13 @@ def test_scans_without_features_follow_odometry(empty):
         "no returns": LaserScan(np.full(90, math.inf), np.linspace(-1.0, 1.0, 90)),
         "one wall": scan_at(pose(), World("wall", np.array([[-50.0, 3.0, 50.0, 3.0]]))),
     }[empty]
-    poses = [pose(0.1 * k, 0.0, 0.05 * k) for k in range(60)]
+    # The one wall looks the same from everywhere along it.
+    turn = 0.0 if empty == "one wall" else 0.05
+    poses = [pose(0.1 * k, 0.0, turn * k) for k in range(60)]
     result = processed([Frame(0.1 * k, each, scan) for k, each in enumerate(poses)], CONFIG)
-    np.testing.assert_allclose(result.trajectory.poses, poses, atol=1e-6)
+    # The wall, fitted and registered to by different weights, may move the robot across itself by a hundredth of sigma.
+    np.testing.assert_allclose(result.trajectory.poses, poses, atol=1e-3 if empty == "one wall" else 1e-6)
+    np.testing.assert_allclose(result.trajectory.poses[:, 0], [x for x, _, _ in poses], atol=1e-6)
     assert len(result.landmarks) == 0
     assert result.metrics.key_frames > 10
     assert len(result.walls) == (result.metrics.key_frames if empty == "one wall" else 0)
@@ -349,8 +358,11 @@ def test_the_beginning_of_the_intel_log_runs_through():
     assert len(result.trajectory) == 1500
     assert result.metrics.scans > 100
     assert len(result.landmarks) > 5
-    # The filter does not run away from odometry, which is right to some metres over so short a way.
-    assert ate(result.wheel_odometry, result.trajectory).rmse_m < 5.0
+    truth = read_relations(DATA / "intel-lab.relations")
+    within = truth.stamps_to < result.trajectory.stamps[-1]
+    short = Relations(truth.stamps_from[within], truth.stamps_to[within], truth.poses_from_to[within])
+    # The relations' own stamps are good to centimetres of motion.
+    assert relations(short, result.trajectory_odometry).translation_mean_m < 0.05
 
 
 def test_a_graph_without_solution_leaves_the_result_of_the_filter(

@@ -1,0 +1,175 @@
+"""Line-aided odometry of simulated robots: consistent increments, with and without wheels, and what is not believed."""
+
+import math
+
+import numpy as np
+import pytest
+from scipy.stats import chi2
+
+from drivers.frame import Frame
+from features.extract import extract
+from features.scan import LaserScan
+from features.se2 import between, compose, pose, wrap_angle
+from sim.run import room_run
+from slam.config import SlamConfig
+from slam.errors import DivergedError
+from slam.line_odometry import LineOdometry
+from slam.pipeline import line_odometry
+
+from .registration_scenes import corridor_run
+
+
+def config_of(run, **odometry):
+    config = SlamConfig.of_preset(run.sensor)
+    return config.model_copy(update={"odometry": config.odometry.model_copy(update=odometry)})
+
+
+def follow(frames, truths, config, step=0.3):
+    """Errors and covariances of the increments between key frames, and the odometry at the end."""
+    sensor = config.sensor.model()
+    odometry: LineOdometry | None = None
+    errors, covs = [], []
+    for frame, truth in zip(frames, truths, strict=True):
+        if odometry is None:
+            odometry = line_odometry(config, frame.pose_odom_robot)
+            anchor, truth_then = odometry.anchor(), None
+        odometry.predict(frame.stamp, frame.pose_odom_robot)
+        if frame.scan is None:
+            continue
+        odometry.register(frame.stamp, frame.scan, extract(frame.scan, sensor, config.extraction).lines)
+        if truth_then is None or anchor.travel >= step or anchor.turn >= math.radians(15.0):
+            if truth_then is not None:
+                error = anchor.motion - between(truth_then, truth)
+                error[2] = wrap_angle(error[2])
+                errors.append(error)
+                covs.append(anchor.motion_cov)
+            odometry.add_key_frame()
+            anchor.reset()
+            truth_then = truth
+    assert odometry is not None
+    return np.array(errors), np.array(covs), odometry
+
+
+def followed(run, **odometry):
+    return follow(run, run.poses_world_robot, config_of(run, **odometry))
+
+
+def mean_nees(errors, covs):
+    return float(np.mean([e @ np.linalg.solve(c, e) for e, c in zip(errors, covs, strict=True)]))
+
+
+@pytest.mark.parametrize("source", ["line-aided", "lines"])
+def test_increments_in_a_room_are_consistent(source):
+    """NEES of all increments below the upper 99.9 % bound, and above half of 3: neither bold nor absurdly wide."""
+    errors, covs, odometry = followed(room_run(11), source=source)
+    count = len(errors)
+    assert count > 100
+    assert 1.5 < mean_nees(errors, covs) < chi2.ppf(0.999, 3 * count) / count
+    # Each coordinate for itself, too: 2 is what a claim of 0.7 of the true error would come to.
+    squares = np.mean(errors**2 / np.array([np.diag(c) for c in covs]), axis=0)
+    assert (squares < chi2.ppf(0.9999, count) / count).all()
+    assert (squares > 0.4).all()
+    assert odometry.counts.failed == 0
+    # Two rounds, 40 m: the drift is that of the walls, not that of the wheels.
+    assert np.hypot(*(odometry.pose - room_run(11).poses_world_robot[-1])[:2]) < 0.05
+
+
+def test_increments_along_a_bare_corridor_are_consistent_and_the_prior_s():
+    errors, covs, ways = [], [], []
+    for seed in range(3):
+        run = corridor_run(seed)
+        some_errors, some_covs, odometry = followed(run)
+        errors += list(some_errors)
+        covs += list(some_covs)
+        ways.append((odometry.pose - run.poses_world_robot[-1])[0])
+        # Across and in heading the walls hold it.
+        assert abs(odometry.pose[1] - run.poses_world_robot[-1, 1]) < 0.02
+        assert abs(wrap_angle(odometry.pose[2] - run.poses_world_robot[-1, 2])) < math.radians(0.3)
+    count = len(errors)
+    assert 1.5 < mean_nees(errors, covs) < chi2.ppf(0.999, 3 * count) / count
+    # Along it the wheels drift 0.05 m per root of a metre, over 16 m.
+    assert 0.02 < np.sqrt(np.mean(np.square(ways))) < 0.6
+    largest = np.sqrt([np.linalg.eigvalsh(c[:2, :2])[-1] for c in covs])
+    # An increment of 0.3 m along the corridor has the sigma of the wheels.
+    assert np.median(largest) == pytest.approx(0.05 * math.sqrt(0.3), rel=0.25)
+
+
+def test_a_jump_of_the_odometry_is_not_believed():
+    run = room_run(3)
+    frames = []
+    for index, frame in enumerate(run):
+        if index == 1200:
+            break
+        jumped = compose(pose(1.5, -0.8, 0.4), frame.pose_odom_robot) if index >= 600 else frame.pose_odom_robot
+        frames.append(Frame(frame.stamp, jumped, frame.scan))
+    _, _, odometry = follow(frames, run.poses_world_robot[:1200], config_of(run))
+    error = odometry.pose - run.poses_world_robot[1199]
+    assert np.hypot(*error[:2]) < 0.03
+    assert abs(wrap_angle(error[2])) < math.radians(0.3)
+    assert odometry.counts.predictions_rejected >= 1
+
+
+def test_wheels_that_stop_reporting_are_not_believed():
+    """The odometry stands still for four seconds while the robot goes on."""
+    run = room_run(4)
+    frames = [
+        Frame(frame.stamp, run.poses_odom_robot[600] if 600 <= index < 800 else frame.pose_odom_robot, frame.scan)
+        for index, frame in zip(range(1200), run, strict=False)
+    ]
+    _, _, odometry = follow(frames, run.poses_world_robot[:1200], config_of(run))
+    assert np.hypot(*(odometry.pose - run.poses_world_robot[1199])[:2]) < 0.05
+
+
+def test_scans_of_nothing_leave_the_prediction():
+    run = room_run(5)
+    nothing = LaserScan(np.full(920, math.inf), np.linspace(-3.1, 3.1, 920))
+    frames = [
+        Frame(frame.stamp, frame.pose_odom_robot, nothing if frame.scan is not None else None)
+        for _, frame in zip(range(400), run, strict=False)
+    ]
+    _, covs, odometry = follow(frames, run.poses_world_robot[:400], config_of(run))
+    np.testing.assert_allclose(odometry.pose, run.poses_odom_robot[399], atol=1e-9)
+    wheels = followed_by_wheels(frames, config_of(run))
+    np.testing.assert_allclose(covs, wheels, rtol=1e-6, atol=1e-12)
+
+
+def followed_by_wheels(frames, config):
+    """Covariances of the increments between key frames by wheels alone."""
+    odometry = line_odometry(config, frames[0].pose_odom_robot)
+    anchor = odometry.anchor()
+    covs = []
+    for index, frame in enumerate(frames):
+        odometry.predict(frame.stamp, frame.pose_odom_robot)
+        if frame.scan is not None and (index == 0 or anchor.travel >= 0.3 or anchor.turn >= math.radians(15.0)):
+            covs += [anchor.motion_cov] if index else []
+            anchor.reset()
+    return covs
+
+
+def test_standing_still_makes_nothing_surer():
+    """A hundred scans from one place know the errors of the walls no better than one."""
+    run = room_run(6)
+    config = config_of(run)
+    frames = list(zip(run, run.poses_world_robot, strict=True))[:500]
+    last = max(index for index, (frame, _) in enumerate(frames) if frame.scan is not None)
+    _, _, odometry = follow([f for f, _ in frames[: last + 1]], [t for _, t in frames[: last + 1]], config)
+    frame, truth = frames[last]
+    since = odometry.anchor()
+    sensor = config.sensor.model()
+    rng = np.random.default_rng(0)
+    before = odometry.pose.copy()
+    for k in range(100):
+        scan = run.lidar.scan(run.world, truth, 1.0, rng)
+        odometry.predict(frame.stamp + 0.1 * k, frame.pose_odom_robot)
+        odometry.register(frame.stamp + 0.1 * k, scan, extract(scan, sensor, config.extraction).lines)
+    np.testing.assert_allclose(since.motion_cov, np.zeros((3, 3)), atol=1e-15)
+    np.testing.assert_array_equal(odometry.pose, before)
+
+
+def test_odometry_beyond_all_numbers_is_a_divergence():
+    run = room_run(1)
+    odometry = line_odometry(config_of(run), pose())
+    odometry.predict(0.0, pose())
+    odometry.predict(1.0, pose(1e200))
+    with pytest.raises(DivergedError, match="no longer finite"), np.errstate(all="ignore"):
+        odometry.predict(2.0, pose())
