@@ -87,7 +87,7 @@ class FrontEnd:
         return Update(association, landmarks)
 
     def miss(self, scan: LaserScan, sensor: SensorModel, seen: Indices) -> None:
-        """End landmarks whose place the beams went through more often than they were seen; not those ``seen`` just now."""
+        """End landmarks whose place the beams went through more often than they were seen; none ``seen`` just now."""
         if not self.local.size:
             return
         missed = seen_through(scan, sensor, transform_back(self.ekf.pose, self.ekf.landmarks))

@@ -80,7 +80,7 @@ class LandmarkGraph:
 
     Parameters
     ----------
-    cauchy_scale : residual, in sigmas, where the robust kernel halves the weight of a corner observation or a closure.
+    cauchy_scale : residual, in sigmas, where the robust kernel halves the weight of a corner observation.
     """
 
     def __init__(self, cauchy_scale: float) -> None:
@@ -282,8 +282,10 @@ class LandmarkGraph:
         return graph, values, landmarks
 
     def _closure_factor(self, closure: Closure) -> gtsam.BetweenFactorPose2:
-        noise = gtsam.noiseModel.Robust.Create(self._kernel, _noise(closure.motion, closure.cov))
-        return gtsam.BetweenFactorPose2(X(closure.older), X(closure.newer), gtsam.Pose2(*closure.motion), noise)
+        """Closure with its full weight: a kernel would let a long way of small errors outvote it."""
+        return gtsam.BetweenFactorPose2(
+            X(closure.older), X(closure.newer), gtsam.Pose2(*closure.motion), _noise(closure.motion, closure.cov)
+        )
 
     def _corner_factor(self, key: int, landmark: int, position: Array, cov: Array) -> gtsam.BearingRangeFactor2D:
         """Corner observation in GTSAM's coordinates, bearing and range, with the whole covariance (eq. M19)."""

@@ -118,14 +118,14 @@ class LoopCloser:
 
     def _walls(self, key_frames: NDArray[np.int64], poses_world_robot: Array) -> Array:
         """Walls of key frames, world frame, shape (m, WALL_FIELDS)."""
-        placed = []
-        for key in key_frames:
-            walls = self._scans[key].walls_robot.copy()
-            turn = rotation(poses_world_robot[key, 2]).T
-            walls[:, [WALL_X, WALL_Y]] = walls[:, [WALL_X, WALL_Y]] @ turn + poses_world_robot[key, :2]
-            walls[:, [NORMAL_X, NORMAL_Y]] = walls[:, [NORMAL_X, NORMAL_Y]] @ turn
-            placed.append(walls)
-        return np.concatenate(placed)
+        each = [self._scans[key].walls_robot for key in key_frames]
+        walls = np.concatenate(each)
+        homes = poses_world_robot[np.repeat(key_frames, [len(of_one) for of_one in each])]
+        c, s = np.cos(homes[:, 2]), np.sin(homes[:, 2])
+        for x, y in ((WALL_X, WALL_Y), (NORMAL_X, NORMAL_Y)):
+            walls[:, x], walls[:, y] = c * walls[:, x] - s * walls[:, y], s * walls[:, x] + c * walls[:, y]
+        walls[:, [WALL_X, WALL_Y]] += homes[:, :2]
+        return walls
 
 
 def _sigma(fit: Registration) -> float:
