@@ -1,16 +1,39 @@
-"""Which landmark an observed corner is: gated nearest neighbour with the corner's signature."""
+"""Which landmark an observed corner is: gates, signature, and nearest neighbour or joint compatibility."""
 
 from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.stats import chi2
 
 from features.feature import Corners
 from features.se2 import Array, wrap_angle
 from slam.ekf import POSE_DIM, LandmarkEkf, corner_jacobian_blocks, predict_corners
-from slam.landmark import LandmarkTable
+from slam.joint_compatibility import joint_compatibility
 
 Indices = NDArray[np.int64]
+
+Method = Literal["joint", "nearest"]
+"""Joint compatibility branch and bound, or gated nearest neighbour."""
+
+MOST_CORNERS = 500
+"""For which gates are kept ready; no scan has as many."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Signatures:
+    """What tells landmarks apart beside their position, in the order of the filter's state.
+
+    Parameters
+    ----------
+    convex : shape (n,), bool.
+    opening_angles, orientations : shape (n,), world frame [rad].
+    """
+
+    convex: NDArray[np.bool_]
+    opening_angles: Array
+    orientations: Array
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -21,61 +44,96 @@ class Association:
     ----------
     corners, landmarks : matched pairs, shape (m,) each.
     new : corners that no landmark explains, shape (b,).
+    nis : squared Mahalanobis distance of the matched innovations together, 2 m degrees of freedom.
     """
 
     corners: Indices
     landmarks: Indices
     new: Indices
+    nis: float = 0.0
 
 
-@dataclass(frozen=True, slots=True)
 class Gates:
     """Limits of the association.
 
     Parameters
     ----------
-    match, birth : squared Mahalanobis distances, 2 degrees of freedom: up to the first a corner may be the landmark,
-        beyond the second it is none of those known.
+    method : how pairs are chosen among those that the gates admit.
+    match_probability : chi-square level up to which a corner may be the landmark.
+    birth_probability : chi-square level beyond which a corner is none of those known.
     birth_distance : nearest landmark of the same kind to a new one [m].
     opening, orientation : differences of signature that may belong together [rad].
     """
 
-    match: float
-    birth: float
-    birth_distance: float
-    opening: float
-    orientation: float
+    def __init__(
+        self,
+        method: Method,
+        match_probability: float,
+        birth_probability: float,
+        birth_distance: float,
+        opening: float,
+        orientation: float,
+    ) -> None:
+        self.method: Method = method
+        self.joint: Array = chi2.ppf(match_probability, np.maximum(2 * np.arange(MOST_CORNERS), 1))
+        self.match = float(self.joint[1])
+        self.birth = float(chi2.ppf(birth_probability, 2))
+        self.birth_distance = birth_distance
+        self.opening = opening
+        self.orientation = orientation
 
 
-def associate(corners_robot: Corners, ekf: LandmarkEkf, table: LandmarkTable, gates: Gates) -> Association:
-    """Match corners, robot frame, to the filter's landmarks, nearest pairs first, each landmark at most once.
+def associate(corners_robot: Corners, ekf: LandmarkEkf, signatures: Signatures, gates: Gates) -> Association:
+    """Match corners, robot frame, to the filter's landmarks, each landmark at most once.
 
     A pair is admitted by the innovation covariance of the two (eq. M18), the same kind and a similar signature.
     """
     count = len(corners_robot)
     none = np.empty(0, np.int64)
-    if count == 0 or len(table) == 0:
+    if count == 0 or len(signatures.convex) == 0:
         return Association(none, none, np.arange(count))
 
     innovations, covs = _innovations(corners_robot, ekf)
     distances2 = _mahalanobis2(innovations, covs)
-    alike = _alike(corners_robot, table, ekf.x[2], gates)
-    admitted = np.where(alike, distances2, np.inf)
-
-    corners: list[int] = []
-    landmarks: list[int] = []
+    admitted = np.where(_alike(corners_robot, signatures, ekf.x[2], gates), distances2, np.inf)
     rows, columns = np.nonzero(admitted <= gates.match)
-    for pair in np.argsort(admitted[rows, columns], kind="stable"):
-        corner, landmark = int(rows[pair]), int(columns[pair])
-        if corner not in corners and landmark not in landmarks:
-            corners.append(corner)
-            landmarks.append(landmark)
+    if gates.method == "joint":
+        cov = _joint_cov(corners_robot, ekf, rows, columns)
+        chosen, nis = joint_compatibility(rows, columns, innovations[rows, columns], cov, gates.joint)
+    else:
+        chosen = _nearest(rows, columns, admitted[rows, columns])
+        nis = float(admitted[rows, columns][chosen].sum())
+    corners, landmarks = rows[chosen], columns[chosen]
 
-    same_kind = corners_robot.convex[:, None] == table.convex[None, :]
+    same_kind = corners_robot.convex[:, None] == signatures.convex[None, :]
     near = same_kind & (np.hypot(innovations[..., 0], innovations[..., 1]) < gates.birth_distance)
     explained = (near | (admitted <= gates.birth)).any(axis=1)
     explained[corners] = True
-    return Association(np.array(corners, np.int64), np.array(landmarks, np.int64), np.flatnonzero(~explained))
+    return Association(corners, landmarks, np.flatnonzero(~explained), nis)
+
+
+def _nearest(corners: Indices, landmarks: Indices, distances2: Array) -> Indices:
+    """Candidates, nearest pairs first, each corner and landmark at most once."""
+    chosen: list[int] = []
+    for pair in np.argsort(distances2, kind="stable"):
+        if corners[pair] not in corners[chosen] and landmarks[pair] not in landmarks[chosen]:
+            chosen.append(int(pair))
+    return np.array(chosen, np.int64)
+
+
+def _joint_cov(corners_robot: Corners, ekf: LandmarkEkf, corners: Indices, landmarks: Indices) -> Array:
+    """Covariance of the innovations of several pairs together, shape (2 m, 2 m) [m^2]."""
+    m = len(corners)
+    by_pose, by_landmark = corner_jacobian_blocks(ekf.x, landmarks)
+    states = POSE_DIM + 2 * landmarks[:, None] + np.arange(2)
+    mixed = np.einsum("aik,kbj,lj->aibl", by_pose, ekf.P[:POSE_DIM, states], by_landmark)
+    cov = np.einsum("aik,kj,blj->aibl", by_pose, ekf.P[:POSE_DIM, :POSE_DIM], by_pose)
+    cov += mixed + mixed.transpose(2, 3, 0, 1)
+    among = ekf.P[states[:, :, None, None], states[None, None]]
+    cov += np.einsum("ik,akbj,lj->aibl", by_landmark, among, by_landmark)
+    same = corners[:, None] == corners[None, :]
+    cov += np.einsum("ab,aij->aibj", same, corners_robot.covs[corners])
+    return cov.reshape(2 * m, 2 * m)
 
 
 def _innovations(corners_robot: Corners, ekf: LandmarkEkf) -> tuple[Array, Array]:
@@ -102,11 +160,11 @@ def _mahalanobis2(innovations: Array, covs: Array) -> Array:
     return (c * u * u - 2.0 * b * u * v + a * v * v) / (a * c - b * b)
 
 
-def _alike(corners_robot: Corners, table: LandmarkTable, heading: float, gates: Gates) -> NDArray[np.bool_]:
-    opening = corners_robot.opening_angles[:, None] - table.opening_angles[None, :]
-    orientation = wrap_angle(corners_robot.orientations[:, None] + heading - table.orientations[None, :])
+def _alike(corners_robot: Corners, signatures: Signatures, heading: float, gates: Gates) -> NDArray[np.bool_]:
+    opening = corners_robot.opening_angles[:, None] - signatures.opening_angles[None, :]
+    orientation = wrap_angle(corners_robot.orientations[:, None] + heading - signatures.orientations[None, :])
     return (
-        (corners_robot.convex[:, None] == table.convex[None, :])
+        (corners_robot.convex[:, None] == signatures.convex[None, :])
         & (np.abs(opening) < gates.opening)
         & (np.abs(orientation) < gates.orientation)
     )

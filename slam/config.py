@@ -117,6 +117,12 @@ class FrontEndConfig(_Section):
     update_angle_deg: float = Field(
         default=3.0, ge=0.0, description="turn after which corners update the filter again [deg]"
     )
+    association: Literal["joint", "nearest"] = Field(
+        default="joint", description="pairs by joint compatibility (JCBB), or nearest neighbour: joint or nearest"
+    )
+    keep_distance_m: float = Field(
+        default=20.0, gt=0.0, description="landmarks farther from the robot than this leave the filter [m]"
+    )
     match_probability: float = Field(
         default=0.99, gt=0.0, lt=1.0, description="chi-square level of the association gate"
     )
@@ -154,6 +160,17 @@ class BackEndConfig(_Section):
     max_iterations: int = Field(default=100, ge=1, description="iterations of the batch solve at most")
 
 
+class LoopConfig(_Section):
+    """Loop closing."""
+
+    enabled: bool = Field(default=True, description="recognise places that were seen before")
+    apart_m: float = Field(default=15.0, gt=0.0, description="way between two visits of a place [m]")
+    reach_m: float = Field(default=5.0, gt=0.0, description="distance of key frames that may show the same place [m]")
+    least_share: float = Field(
+        default=0.6, gt=0.0, le=1.0, description="share of the points of a scan that must lie on walls seen before"
+    )
+
+
 class MapConfig(_Section):
     """What the map shows."""
 
@@ -169,6 +186,7 @@ class SlamConfig(_Section):
     odometry: OdometryConfig = OdometryConfig()
     front_end: FrontEndConfig = FrontEndConfig()
     back_end: BackEndConfig = BackEndConfig()
+    loop: LoopConfig = LoopConfig()
     map: MapConfig = MapConfig()
 
     @classmethod

@@ -125,8 +125,8 @@ class LandmarkEkf(ExtendedKalmanFilter):
             R=np.asarray(block_diag(*covs)),
         )
 
-    def add_landmarks(self, positions_robot: Array, covs: Array) -> None:
-        """Append landmarks seen at ``positions_robot``, shape (k, 2), with covariances (k, 2, 2), robot frame.
+    def add_landmarks(self, positions_robot: Array, cov: Array) -> None:
+        """Append landmarks at ``positions_robot``, shape (k, 2), robot frame, of joint covariance (2 k, 2 k).
 
         A new landmark is correlated with the pose it was seen from and, through it, with every other (eq. M16-M17).
         """
@@ -137,9 +137,32 @@ class LandmarkEkf(ExtendedKalmanFilter):
         by_pose[0::2, 2] = -arms[:, 1]
         by_pose[1::2, 2] = arms[:, 0]
         cross = by_pose @ self.P[:POSE_DIM]
-        own = cross[:, :POSE_DIM] @ by_pose.T + np.asarray(block_diag(*(turn @ covs @ turn.T)))
+        turns = np.kron(np.eye(len(arms)), turn)
+        own = cross[:, :POSE_DIM] @ by_pose.T + turns @ cov @ turns.T
         self.x = np.concatenate([self.x, (self.x[:2] + arms).ravel()])
         self.P = np.block([[self.P, cross.T], [cross, 0.5 * (own + own.T)]])
+        self.dim_x = self.x.size
+        self._I = np.eye(self.dim_x)
+        self._save_posterior()
+
+    def relative(self) -> tuple[Array, Array]:
+        """Landmarks in the robot frame, shape (n, 2) [m], and their joint covariance, shape (2 n, 2 n) [m^2]."""
+        landmarks = np.arange(len(self.landmarks))
+        H = corner_jacobian(self.x, landmarks)
+        return predict_corners(self.x, landmarks), np.asarray(H @ (H @ self.P).T)
+
+    def rebase(self, pose_world_robot: Pose, cov: Array) -> None:
+        """Put the robot at another pose, of covariance (3, 3); landmarks stay where they are seen from it (eq. M41)."""
+        positions_robot, relative_cov = self.relative()
+        self.x = np.array(pose_world_robot, dtype=np.float64)
+        self.P = np.array(cov, dtype=np.float64)
+        self.add_landmarks(positions_robot, relative_cov)
+
+    def forget(self, landmarks: NDArray[np.int64]) -> None:
+        """Take landmarks out of the state; what they told of the rest stays in it."""
+        kept = np.ones(self.x.size, np.bool_)
+        kept[(POSE_DIM + 2 * landmarks[:, None] + np.arange(2)).ravel()] = False
+        self.x, self.P = self.x[kept], self.P[np.ix_(kept, kept)]
         self.dim_x = self.x.size
         self._I = np.eye(self.dim_x)
         self._save_posterior()

@@ -1,4 +1,4 @@
-"""What is remembered of each landmark beside its position: the signature of its corner and how often it was seen."""
+"""What is remembered of each landmark beside the filter's state: signature, counts, and where it is while at rest."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -6,14 +6,36 @@ from numpy.typing import NDArray
 from features.feature import Corners
 from features.se2 import Array
 
+Indices = NDArray[np.int64]
+
+LOCAL, MERGED, GONE = -1, -2, -3
+"""Instead of a key frame: the landmark is in the filter's state, is another one by now, or is no more."""
+
 
 class LandmarkTable:
-    """Signature and count of every landmark, in the order of the filter's state."""
+    """Every landmark by its index.
+
+    A landmark is in the filter's state or at rest; at rest it is known from a key frame, so that it moves with it when
+    the graph does.
+
+    Attributes
+    ----------
+    convex : shape (n,), bool.
+    observations : times each was seen, shape (n,).
+    misses : times each should have been seen, but the beams went through its place, shape (n,).
+    key_frames : key frame that a landmark at rest is known from, or :data:`LOCAL`, :data:`MERGED`, :data:`GONE`,
+        shape (n,).
+    positions, covs : of a landmark at rest, robot frame of its key frame, shapes (n, 2) [m] and (n, 2, 2) [m^2].
+    """
 
     def __init__(self) -> None:
         self._sums: Array = np.empty((0, 3))
         self.convex: NDArray[np.bool_] = np.empty(0, np.bool_)
-        self.observations: NDArray[np.int64] = np.empty(0, np.int64)
+        self.observations: Indices = np.empty(0, np.int64)
+        self.misses: Indices = np.empty(0, np.int64)
+        self.key_frames: Indices = np.empty(0, np.int64)
+        self.positions: Array = np.empty((0, 2))
+        self.covs: Array = np.empty((0, 2, 2))
 
     def __len__(self) -> int:
         return self.observations.size
@@ -25,29 +47,53 @@ class LandmarkTable:
 
     @property
     def orientations(self) -> Array:
-        """Mean orientation of each landmark, world frame, shape (n,) [rad]."""
+        """Mean orientation of each landmark, shape (n,) [rad]; world frame, of one at rest that of its key frame."""
         return np.arctan2(self._sums[:, 2], self._sums[:, 1])
 
-    def add(self, corners_robot: Corners, chosen: NDArray[np.int64], heading: float) -> NDArray[np.int64]:
+    def add(self, corners_robot: Corners, chosen: Indices, heading: float) -> Indices:
         """Append a landmark for each of the chosen corners; return their indices."""
-        first = len(self)
+        first, count = len(self), len(chosen)
         self._sums = np.concatenate([self._sums, _signature(corners_robot, chosen, heading)])
         self.convex = np.concatenate([self.convex, corners_robot.convex[chosen]])
-        self.observations = np.concatenate([self.observations, np.ones(len(chosen), np.int64)])
+        self.observations = np.concatenate([self.observations, np.ones(count, np.int64)])
+        self.misses = np.concatenate([self.misses, np.zeros(count, np.int64)])
+        self.key_frames = np.concatenate([self.key_frames, np.full(count, LOCAL)])
+        self.positions = np.concatenate([self.positions, np.full((count, 2), np.nan)])
+        self.covs = np.concatenate([self.covs, np.full((count, 2, 2), np.nan)])
         return np.arange(first, len(self))
 
-    def see(
-        self,
-        landmarks: NDArray[np.int64],
-        corners_robot: Corners,
-        chosen: NDArray[np.int64],
-        heading: float,
-    ) -> None:
+    def see(self, landmarks: Indices, corners_robot: Corners, chosen: Indices, heading: float) -> None:
         """Count the chosen corners as observations of these landmarks, each landmark at most once."""
         self._sums[landmarks] += _signature(corners_robot, chosen, heading)
         self.observations[landmarks] += 1
 
+    def rest(self, landmarks: Indices, key_frame: int, heading: float, positions_robot: Array, covs: Array) -> None:
+        """Lay landmarks to rest in a key frame of that heading, at positions (k, 2), covariances (k, 2, 2)."""
+        self.turn(landmarks, -heading)
+        self.key_frames[landmarks] = key_frame
+        self.positions[landmarks] = positions_robot
+        self.covs[landmarks] = covs
 
-def _signature(corners_robot: Corners, chosen: NDArray[np.int64], heading: float) -> Array:
+    def wake(self, landmarks: Indices, headings: Array) -> None:
+        """Take landmarks from rest into the state, where their key frames have these headings."""
+        self.turn(landmarks, headings)
+        self.key_frames[landmarks] = LOCAL
+
+    def turn(self, landmarks: Indices, angle: Array | float) -> None:
+        """Turn the orientation of landmarks, as the frame does that they are told in [rad]."""
+        c, s = np.cos(angle), np.sin(angle)
+        x, y = self._sums[landmarks, 1], self._sums[landmarks, 2]
+        self._sums[landmarks, 1] = c * x - s * y
+        self._sums[landmarks, 2] = s * x + c * y
+
+    def merge(self, kept: int, other: int) -> None:
+        """Take two landmarks for one."""
+        self._sums[kept] += self._sums[other]
+        self.observations[kept] += self.observations[other]
+        self.misses[kept] += self.misses[other]
+        self.key_frames[other] = MERGED
+
+
+def _signature(corners_robot: Corners, chosen: Indices, heading: float) -> Array:
     directions = corners_robot.orientations[chosen] + heading
     return np.stack([corners_robot.opening_angles[chosen], np.cos(directions), np.sin(directions)], axis=-1)

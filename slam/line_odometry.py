@@ -98,6 +98,11 @@ class LineOdometry:
         """Pose of the robot, map frame, shape (3,)."""
         return self._drifting.pose
 
+    @property
+    def scan(self) -> ScanPoints | None:
+        """Points of the latest scan that was registered."""
+        return self._scan
+
     def anchor(self) -> Anchor:
         """Remember this moment, to tell the motion since."""
         return self._drifting.anchor()

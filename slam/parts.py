@@ -2,12 +2,11 @@
 
 import math
 
-from scipy.stats import chi2
-
 from features.se2 import Pose
 from slam.association import Gates
 from slam.config import SlamConfig
 from slam.line_odometry import LineOdometry
+from slam.loop_closing import LoopRules
 from slam.odometry import ConstantVelocity, OdometryModel, WheelMotion
 
 
@@ -34,9 +33,16 @@ def gates(config: SlamConfig) -> Gates:
     """Gates of the association in the units it works in."""
     front_end = config.front_end
     return Gates(
-        match=float(chi2.ppf(front_end.match_probability, 2)),
-        birth=float(chi2.ppf(front_end.birth_probability, 2)),
+        method=front_end.association,
+        match_probability=front_end.match_probability,
+        birth_probability=front_end.birth_probability,
         birth_distance=front_end.birth_distance_m,
         opening=math.radians(front_end.opening_tolerance_deg),
         orientation=math.radians(front_end.orientation_tolerance_deg),
     )
+
+
+def loop_rules(config: SlamConfig) -> LoopRules:
+    """Return what counts as the same place."""
+    loop = config.loop
+    return LoopRules(apart=loop.apart_m, reach=loop.reach_m, share=loop.least_share)

@@ -14,16 +14,17 @@ from drivers.frame import Frame
 from features.extract import extract
 from features.feature import Corners, Features
 from features.scan import LaserScan
-from features.se2 import Array, Pose, compose, transform
-from slam.association import Association, associate
+from features.se2 import Array, Pose, compose, rotation, transform
+from slam.association import Association
 from slam.config import SlamConfig
 from slam.deskew import deskew_by_odometry
-from slam.ekf import LandmarkEkf
 from slam.errors import DivergedError
+from slam.front_end import FrontEnd
 from slam.graph import GraphEstimate, LandmarkGraph, Observations
-from slam.landmark import LandmarkTable
+from slam.landmark import GONE
 from slam.line_odometry import load_compiled
-from slam.parts import gates, line_odometry
+from slam.loop_closing import LoopCloser
+from slam.parts import gates, line_odometry, loop_rules
 from slam.result import LandmarkMap, RunMetrics, SlamResult, StageTime
 from slam.smoothing import carry_corrections
 from slam.trajectory import Trajectory
@@ -32,6 +33,9 @@ logger = logging.getLogger(__name__)
 
 FIRST_POSE_COV = np.diag([1e-8, 1e-8, 1e-10])
 """The first pose defines the world frame."""
+
+
+STAGES = ("extract", "odometry", "front_end", "back_end", "loop")
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -71,16 +75,21 @@ class Slam:
     def __init__(self, config: SlamConfig) -> None:
         self.config = config
         self._sensor = config.sensor.model()
-        self._gates = gates(config)
-        self._table = LandmarkTable()
         self._graph = LandmarkGraph(config.back_end.cauchy_scale)
-        self._ekf: LandmarkEkf | None = None
+        self._closer = LoopCloser(loop_rules(config))
+        self._front_end: FrontEnd | None = None
         self._key_frames: list[KeyFrame] = []
         self._stamps: list[float] = []
         self._poses_odom: list[Pose] = []
         self._poses_map: list[Pose] = []
         self._online: list[tuple[float, Pose]] = []
-        self._stages: dict[str, list[float]] = {"extract": [], "odometry": [], "front_end": [], "back_end": []}
+        self._stages: dict[str, list[float]] = {
+            "extract": [],
+            "odometry": [],
+            "front_end": [],
+            "back_end": [],
+            "loop": [],
+        }
         # Compiled code is loaded, or made at the very first use on a machine, before the clock starts.
         scan = LaserScan(np.ones(8), np.linspace(0.0, 0.1, 8))
         load_compiled(scan, extract(scan, self._sensor, config.extraction).lines, self._sensor)
@@ -89,12 +98,12 @@ class Slam:
     @property
     def pose(self) -> Pose:
         """Pose of the robot as the filter has it, world frame, shape (3,)."""
-        return compose(self._filter.pose, self._since_update.motion)
+        return compose(self._front.ekf.pose, self._since_update.motion)
 
     @property
     def landmarks(self) -> Array:
         """Landmarks of the filter, world frame, shape (n, 2) [m]."""
-        return self._filter.landmarks.copy()
+        return self._front.ekf.landmarks.copy()
 
     @property
     def scans(self) -> int:
@@ -128,10 +137,13 @@ class Slam:
         key_frame_due = self._key_frame_due()
         if key_frame_due or self._update_due():
             with self._timed("front_end"):
-                association, landmarks = self._update(corners_robot)
+                association, landmarks = self._update(scan, corners_robot)
             if key_frame_due:
                 with self._timed("back_end"):
                     self._add_key_frame(scan, features, corners_robot, landmarks)
+                if self.config.loop.enabled:
+                    with self._timed("loop"):
+                        self._close_loop()
         self._online.append((frame.stamp, self.pose))
         return Step(frame.stamp, self.pose, features, association)
 
@@ -149,8 +161,9 @@ class Slam:
         return pose_odom_robot
 
     def _predict(self, stamp: float, pose_odom_robot: Pose) -> None:
-        if self._ekf is None:
-            self._ekf = LandmarkEkf(pose_odom_robot, FIRST_POSE_COV)
+        if self._front_end is None:
+            keep_distance = self.config.front_end.keep_distance_m
+            self._front_end = FrontEnd(pose_odom_robot, FIRST_POSE_COV, gates(self.config), keep_distance)
             self._odometry = line_odometry(self.config, pose_odom_robot)
             self._since_update = self._odometry.anchor()
             self._since_key_frame = self._odometry.anchor()
@@ -173,22 +186,12 @@ class Slam:
             or since.turn >= math.radians(back_end.key_frame_angle_deg)
         )
 
-    def _update(self, corners_robot: Corners) -> tuple[Association, np.ndarray]:
+    def _update(self, scan: LaserScan, corners_robot: Corners) -> tuple[Association, np.ndarray]:
         """Move the filter to here, associate, update, give birth; also the landmark of each corner, -1 for none."""
-        ekf = self._filter
-        ekf.Q = self._since_update.motion_cov
-        ekf.predict(self._since_update.motion)
+        self._front.move(self._since_update.motion, self._since_update.motion_cov)
         self._since_update.reset()
-        association = associate(corners_robot, ekf, self._table, self._gates)
-        landmarks = np.full(len(corners_robot), -1)
-        matched, new = association.corners, association.new
-        if matched.size:
-            ekf.observe(corners_robot.positions[matched], corners_robot.covs[matched], association.landmarks)
-            self._table.see(association.landmarks, corners_robot, matched, ekf.x[2])
-            landmarks[matched] = association.landmarks
-        if new.size:
-            ekf.add_landmarks(corners_robot.positions[new], corners_robot.covs[new])
-            landmarks[new] = self._table.add(corners_robot, new, ekf.x[2])
+        association, landmarks = self._front.observe(corners_robot)
+        self._front.miss(scan, self._sensor, landmarks)
         return association, landmarks
 
     def _add_key_frame(
@@ -196,11 +199,17 @@ class Slam:
     ) -> None:
         observed = landmarks >= 0
         self._graph.add_key_frame(
-            self._filter.pose,
+            self._front.ekf.pose,
             self._since_key_frame.motion,
             self._since_key_frame.motion_cov,
             Observations(landmarks[observed], corners_robot.positions[observed], corners_robot.covs[observed]),
         )
+        for kept, other in self._front.merge():
+            self._graph.merge(kept, other)
+        self._graph.update()
+        self._front.rest(len(self._key_frames))
+        if self._odometry.scan is not None:
+            self._closer.add_key_frame(self._odometry.scan, self._since_key_frame.travel)
         self._since_key_frame.reset()
         self._odometry.add_key_frame()
         mounting = self._sensor.mounting
@@ -214,6 +223,24 @@ class Slam:
                 points_robot=mounting.points_to_robot(points_sensor),
             )
         )
+
+    def _close_loop(self) -> None:
+        """Look for a place seen before; where it is found the graph moves, and the filter with it."""
+        closure = self._closer.find(self._graph.poses_world_robot)
+        if closure is None:
+            return
+        self._graph.add_closure(closure)
+        self._graph.update()
+        poses = self._graph.poses_world_robot
+        cov = self._graph.newest_cov()
+        if cov is None:
+            return
+        self._front.rebase(poses[-1], cov)
+        turn = np.eye(3)
+        turn[:2, :2] = rotation(poses[closure.older, 2])
+        self._front.wake(poses, self._closer.passage(closure.older), turn @ closure.cov @ turn.T)
+        for kept, other in self._front.merge():
+            self._graph.merge(kept, other)
 
     def finish(self, *, interrupted: bool = False) -> SlamResult:
         """Solve the graph and put the result together; ``interrupted`` is noted in the metrics.
@@ -231,7 +258,10 @@ class Slam:
             estimate = self._solve()
         stamps, poses_map = np.array(self._stamps), np.array(self._poses_map)
         anchors = np.array([key_frame.record for key_frame in self._key_frames])
-        kept = self._table.observations[estimate.landmarks] >= self.config.map.min_observations
+        table = self._front.table
+        kept = (table.observations[estimate.landmarks] >= self.config.map.min_observations) & (
+            table.key_frames[estimate.landmarks] != GONE
+        )
         ids = estimate.landmarks[kept]
         placed = list(zip(estimate.poses_world_robot, self._key_frames, strict=True))
         wall_s = time.perf_counter() - self._started
@@ -247,9 +277,9 @@ class Slam:
                 ids=ids,
                 positions=estimate.positions_world[kept],
                 covs=estimate.covs[kept],
-                observations=self._table.observations[ids],
-                convex=self._table.convex[ids],
-                opening_angles=self._table.opening_angles[ids],
+                observations=table.observations[ids],
+                convex=table.convex[ids],
+                opening_angles=table.opening_angles[ids],
             ),
             walls=np.concatenate([transform(pose, key_frame.walls_robot) for pose, key_frame in placed]),
             points=np.concatenate([transform(pose, key_frame.points_robot) for pose, key_frame in placed]),
@@ -271,18 +301,17 @@ class Slam:
         )
 
     def _solve(self) -> GraphEstimate:
-        landmarks = self._filter.landmarks
         try:
-            return self._graph.optimize(landmarks, self.config.back_end.max_iterations)
+            return self._graph.optimize(self.config.back_end.max_iterations)
         except DivergedError as error:
-            logger.warning("%s: the result is that of the filter", error)
-            return self._graph.unsolved(landmarks, self._filter.landmark_covs)
+            logger.warning("%s: the result is what was known on the way", error)
+            return self._graph.unsolved()
 
     @property
-    def _filter(self) -> LandmarkEkf:
-        if self._ekf is None:
+    def _front(self) -> FrontEnd:
+        if self._front_end is None:
             raise ValueError("no frame was processed yet")
-        return self._ekf
+        return self._front_end
 
     @contextmanager
     def _timed(self, stage: str) -> Iterator[None]:

@@ -91,7 +91,10 @@ class Trajectory:
         return poses
 
     def nearest(self, stamps: ArrayLike, tolerance: float) -> NDArray[np.intp]:
-        """Look up the pose nearest in time, of two equally near ones the earlier.
+        """Look up the pose nearest in time, of two equally near stamps the earlier.
+
+        Of several poses of one stamp it is the middle one: they were taken one after the other, faster than the clock
+        ticks, and none is nearer to all of them in time.
 
         Parameters
         ----------
@@ -114,7 +117,9 @@ class Trajectory:
         before = np.maximum(after - 1, 0)
         to_after = self.stamps[after] - wanted
         to_before = wanted - self.stamps[before]
-        indices = np.where((to_after < to_before) | (after == 0), after, before)
+        nearest = self.stamps[np.where((to_after < to_before) | (after == 0), after, before)]
+        first, end = (np.searchsorted(self.stamps, nearest, side=side) for side in ("left", "right"))
+        indices = (first + end - 1) // 2
         return np.where(np.abs(self.stamps[indices] - wanted) <= tolerance, indices, -1)
 
 

@@ -34,7 +34,7 @@ class WatchedSlam(Slam):
     @property
     def filter(self) -> LandmarkEkf:
         """The filter as it is now."""
-        return self._filter
+        return self._front.ekf
 
     @property
     def key_frame_records(self) -> NDArray[np.int64]:
@@ -130,7 +130,7 @@ def simulate(source: SimulatedRun, config: SlamConfig, scans: int = 0) -> dict[s
             corners = step.features.corners.to_robot(source.mounting).positions
             score.count(step.association, true_corners(source.world.corners, transform(truth, corners)))
             if matches := len(step.association.corners):
-                nis += float(slam.filter.mahalanobis) ** 2
+                nis += step.association.nis
                 nis_dof += 2 * matches
             error = slam.filter.pose - truth
             updates.append(records - 1)

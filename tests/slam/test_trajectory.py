@@ -168,3 +168,10 @@ def test_tum_files_that_cannot_be_opened_are_errors(tmp_path):
     for path in (tmp_path, tmp_path / "absent.tum"):
         with pytest.raises(CwlfError, match="cannot be read"):
             read_tum(path)
+
+
+def test_of_several_poses_of_one_stamp_the_middle_one_is_nearest():
+    poses = np.column_stack([np.arange(6.0), np.zeros(6), np.zeros(6)])
+    trajectory = Trajectory(np.array([0.0, 1.0, 1.0, 1.0, 1.0, 2.0]), poses)
+    assert trajectory.nearest([0.9, 1.0, 1.1], 0.5).tolist() == [2, 2, 2]
+    assert trajectory.nearest([1.6, 0.4], 0.5).tolist() == [5, 0]

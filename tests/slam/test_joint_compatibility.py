@@ -1,0 +1,95 @@
+"""Joint compatibility: branch and bound against all hypotheses, one by one, and against what it is for."""
+
+import itertools
+
+import numpy as np
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.stats import chi2
+
+from slam.joint_compatibility import joint_compatibility
+
+GATES = np.concatenate([[0.0], chi2.ppf(0.99, 2 * np.arange(1, 12))])
+
+
+def exhaustive(corners, landmarks, innovations, cov):
+    """Best over every choice of one candidate, or none, for each corner."""
+    groups = [[None, *np.flatnonzero(corners == corner)] for corner in np.unique(corners)]
+    best = ([], 0.0)
+    for choice in itertools.product(*groups):
+        chosen = [c for c in choice if c is not None]
+        if len(set(landmarks[chosen])) < len(chosen):
+            continue
+        rows = [2 * c + axis for c in chosen for axis in (0, 1)]
+        h = innovations[chosen].ravel()
+        distance2 = float(h @ np.linalg.solve(cov[np.ix_(rows, rows)], h)) if chosen else 0.0
+        if distance2 <= GATES[len(chosen)] and (-len(chosen), distance2) < (-len(best[0]), best[1]):
+            best = (chosen, distance2)
+    return best
+
+
+@settings(max_examples=200, deadline=None)
+@given(st.integers(0, 2**32 - 1), st.integers(0, 5), st.integers(1, 4), st.floats(0.3, 4.0))
+def test_the_best_of_all_hypotheses_is_found(seed, corner_count, landmark_count, spread):
+    """No smaller hypothesis inside its gate is missed where a larger one goes through one outside: as the search does.
+
+    A pair once outside the gate stays out: the distance of more pairs is never smaller, but its gate is larger. So the
+    oracle is held against the search only where every beginning of its best hypothesis is inside its gate.
+    """
+    rng = np.random.default_rng(seed)
+    pairs = [(c, j) for c in range(corner_count) for j in range(landmark_count) if rng.uniform() < 0.7]
+    corners, landmarks = np.array(pairs, np.int64).reshape(-1, 2).T
+    m = len(pairs)
+    root = rng.normal(size=(2 * m, 2 * m + 3))
+    cov = root @ root.T
+    innovations = spread * (root @ rng.normal(size=2 * m + 3)).reshape(-1, 2)
+    chosen, distance2 = joint_compatibility(corners, landmarks, innovations, cov, GATES)
+    assert len(set(corners[chosen])) == len(set(landmarks[chosen])) == len(chosen)
+    rows = [2 * c + axis for c in chosen for axis in (0, 1)]
+    h = innovations[chosen].ravel()
+    expected_distance2 = h @ np.linalg.solve(cov[np.ix_(rows, rows)], h) if len(chosen) else 0.0
+    np.testing.assert_allclose(distance2, expected_distance2, rtol=1e-6, atol=1e-9)
+    assert distance2 <= GATES[len(chosen)]
+    best, best_distance2 = exhaustive(corners, landmarks, innovations, cov)
+    beginnings = [best[:k] for k in range(1, len(best) + 1)]
+    inside = True
+    for beginning in beginnings:
+        part = [2 * c + axis for c in beginning for axis in (0, 1)]
+        h = innovations[beginning].ravel()
+        inside = inside and h @ np.linalg.solve(cov[np.ix_(part, part)], h) <= GATES[len(beginning)]
+    if inside:
+        assert len(chosen) == len(best)
+        np.testing.assert_allclose(distance2, best_distance2, rtol=1e-6, atol=1e-9)
+    else:
+        assert len(chosen) <= len(best)
+
+
+def test_a_common_shift_explains_what_each_pair_alone_would_explain_otherwise():
+    """Three corners seen 0.5 m to the side by a robot that is unsure of itself: the nearest landmark is a wrong one."""
+    landmarks = np.array([[0.0, 0.0], [0.6, 0.0], [3.0, 1.0], [5.0, -2.0]])
+    seen = landmarks[[0, 2, 3]] + [0.5, 0.0]
+    corners, candidates = (index.ravel() for index in np.indices((3, 4)))
+    innovations = (seen[:, None] - landmarks[None]).reshape(-1, 2)
+    near = np.hypot(*innovations.T) < 1.0
+    corners, candidates, innovations = corners[near], candidates[near], innovations[near]
+    m = len(corners)
+    cov = np.kron(np.ones((m, m)), 0.3**2 * np.eye(2)) + 0.02**2 * np.eye(2 * m)
+    chosen, _ = joint_compatibility(corners, candidates, innovations, cov, GATES)
+    np.testing.assert_array_equal(candidates[chosen], [0, 2, 3])
+
+
+def test_many_corners_that_fit_everywhere_end_in_time_with_a_valid_set():
+    """Ten corners, ten landmarks, all alike: a hypothesis with every corner comes out."""
+    corners, landmarks = (index.ravel() for index in np.indices((10, 10)))
+    rng = np.random.default_rng(0)
+    innovations = rng.normal(0.0, 0.1, (100, 2))
+    chosen, _ = joint_compatibility(corners, landmarks, innovations, np.eye(200), GATES)
+    assert len(chosen) == 10
+    assert len(set(landmarks[chosen])) == 10
+
+
+def test_nothing_to_choose_from():
+    none = np.empty(0, np.int64)
+    chosen, distance2 = joint_compatibility(none, none, np.empty((0, 2)), np.empty((0, 0)), GATES)
+    assert len(chosen) == 0
+    assert distance2 == 0.0
