@@ -15,7 +15,7 @@ COUNTS = [10, 100, 400]
 def problem(count, rng):
     """A filter with this many landmarks, and what it observes of the first ten."""
     ekf = LandmarkEkf(pose(0.0, 0.0, 0.3), 0.01 * np.eye(3))
-    ekf.add_landmarks(rng.uniform(-20.0, 20.0, (count, 2)), np.repeat(1e-3 * np.eye(2)[None], count, axis=0))
+    ekf.add_landmarks(rng.uniform(-20.0, 20.0, (count, 2)), 1e-3 * np.eye(2 * count))
     landmarks = np.arange(CORNERS)
     positions = predict_corners(ekf.x, landmarks) + 0.01 * rng.standard_normal((CORNERS, 2))
     return ekf, positions, np.repeat(1e-4 * np.eye(2)[None], CORNERS, axis=0), landmarks

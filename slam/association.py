@@ -102,7 +102,9 @@ def associate(corners_robot: Corners, ekf: LandmarkEkf, signatures: Signatures, 
         chosen, nis = joint_compatibility(rows, columns, innovations[rows, columns], cov, gates.joint)
     else:
         chosen = _nearest(rows, columns, admitted[rows, columns])
-        nis = float(admitted[rows, columns][chosen].sum())
+        nis = _joint_distance2(
+            innovations[rows, columns][chosen], _joint_cov(corners_robot, ekf, rows[chosen], columns[chosen])
+        )
     corners, landmarks = rows[chosen], columns[chosen]
 
     same_kind = corners_robot.convex[:, None] == signatures.convex[None, :]
@@ -119,6 +121,11 @@ def _nearest(corners: Indices, landmarks: Indices, distances2: Array) -> Indices
         if corners[pair] not in corners[chosen] and landmarks[pair] not in landmarks[chosen]:
             chosen.append(int(pair))
     return np.array(chosen, np.int64)
+
+
+def _joint_distance2(innovations: Array, cov: Array) -> float:
+    h = innovations.ravel()
+    return float(h @ np.linalg.solve(cov, h)) if h.size else 0.0
 
 
 def _joint_cov(corners_robot: Corners, ekf: LandmarkEkf, corners: Indices, landmarks: Indices) -> Array:

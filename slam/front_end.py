@@ -79,7 +79,7 @@ class FrontEnd:
 
     def miss(self, scan: LaserScan, sensor: SensorModel, seen: Indices) -> None:
         """End landmarks whose place the beams went through more often than they were seen; none ``seen`` just now."""
-        if not self.local.size:
+        if not (self.local.size and len(scan)):
             return
         missed = seen_through(scan, sensor, transform_back(self.ekf.pose, self.ekf.landmarks))
         missed &= ~np.isin(self.local, seen)

@@ -96,6 +96,7 @@ class LandmarkGraph:
         self._placed: set[int] = set()
         self._poses: Array = np.empty((0, 3))
         self._moved = False
+        self._closed = False
 
     def __len__(self) -> int:
         return len(self._observations)
@@ -152,7 +153,7 @@ class LandmarkGraph:
         """Append a closure; it may be revoked by :meth:`optimize`."""
         self._closures.append(closure)
         self._new_factors.add(self._closure_factor(closure))
-        self._moved = True
+        self._closed = True
 
     def merge(self, kept: int, other: int) -> None:
         """Take two landmarks for one: what is known of the other counts for the one that is kept."""
@@ -174,6 +175,7 @@ class LandmarkGraph:
             return
         try:
             self._isam.update(self._new_factors, self._new_values)
+            self._moved, self._closed = self._moved or self._closed, False
             if not self._moved:
                 newest = self._isam.calculateEstimatePose2(X(len(self) - 1))
                 self._poses[-1] = newest.x(), newest.y(), newest.theta()
@@ -188,7 +190,7 @@ class LandmarkGraph:
         if self._isam is None:
             return None
         turn = np.eye(3)
-        turn[:2, :2] = rotation(float(self._poses[-1, 2]))
+        turn[:2, :2] = rotation(float(self.poses_world_robot[-1, 2]))
         return turn @ self._isam.marginalCovariance(X(len(self) - 1)) @ turn.T
 
     def optimize(self, max_iterations: int) -> GraphEstimate:
@@ -281,7 +283,7 @@ class LandmarkGraph:
 
     def _determined(self) -> NDArray[np.int64]:
         """Return the landmarks that two key frames or more have seen, rising."""
-        seen = [[self.resolve(j) for j in set(observed.landmarks.tolist())] for observed in self._observations]
+        seen = [{self.resolve(j) for j in observed.landmarks.tolist()} for observed in self._observations]
         landmarks, counts = np.unique(np.array([j for each in seen for j in each], np.int64), return_counts=True)
         return landmarks[counts >= 2]
 

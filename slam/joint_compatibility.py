@@ -27,7 +27,7 @@ def joint_compatibility(
     Returns
     -------
     chosen : candidates, rising, shape (k,); each corner and each landmark at most once.
-    distance2 : their squared Mahalanobis distance, 2 k degrees of freedom (eq. M18).
+    distance2 : their squared Mahalanobis distance, 2 k degrees of freedom (eq. M42-M43).
     """
     if len(corners) == 0:
         return np.empty(0, np.int64), 0.0

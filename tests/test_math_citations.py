@@ -43,7 +43,7 @@ def numbered() -> list[int]:
 
 
 def test_the_page_numbers_its_equations_once_and_in_order():
-    assert numbered() == list(range(1, len(numbered()) + 1))
+    assert numbered() == sorted(set(numbered()))
 
 
 def test_something_is_cited():

@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 from filterpy.kalman import ExtendedKalmanFilter
-from finite_difference import assert_jacobian
+from finite_difference import assert_jacobian, finite_difference
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.linalg import block_diag
@@ -47,8 +47,8 @@ class DenseEkf(ExtendedKalmanFilter):
         )
         self.x[2] = wrap_angle(self.x[2])
 
-    def augmented(self, positions, covs):
-        """The filter with landmarks at these positions, robot frame: x' = f(x, z), P' = F P F' + G N G'."""
+    def augmented(self, positions, cov):
+        """The filter with landmarks at these positions, robot frame: x' = f(x, z), P' = F P F' + G cov G'."""
         k = len(positions)
         turn, turned = rotation(self.x[2]), rotation(self.x[2] + math.pi / 2)
         F = np.vstack([np.eye(self.dim_x), np.zeros((2 * k, self.dim_x))])
@@ -59,7 +59,7 @@ class DenseEkf(ExtendedKalmanFilter):
             F[rows, 2] = turned @ positions[j]
             G[rows, 2 * j : 2 * j + 2] = turn
         x = np.concatenate([self.x, transform(self.x[:3], positions).ravel()])
-        return DenseEkf(x, F @ self.P @ F.T + G @ block_diag(*covs) @ G.T)
+        return DenseEkf(x, F @ self.P @ F.T + G @ cov @ G.T)
 
 
 def random_covs(rng, count, size=2, scale=0.05):
@@ -67,12 +67,17 @@ def random_covs(rng, count, size=2, scale=0.05):
     return roots @ roots.transpose(0, 2, 1) + 1e-6 * np.eye(size)
 
 
+def joint_cov(rng, count, scale=0.05):
+    """Covariance of this many points together, all correlated."""
+    return random_covs(rng, 1, 2 * count, scale)[0]
+
+
 def random_filter(seed, landmarks, heading=0.5, scale=0.1):
     """A filter with this many landmarks, correlated as by a drive."""
     rng = np.random.default_rng(seed)
     ekf = LandmarkEkf(pose(*rng.normal(0.0, 3.0, 2), heading), random_covs(rng, 1, 3, scale)[0])
     for _ in range(landmarks):
-        ekf.add_landmarks(rng.uniform(-5.0, 5.0, (1, 2)), random_covs(rng, 1))
+        ekf.add_landmarks(rng.uniform(-5.0, 5.0, (1, 2)), joint_cov(rng, 1))
         ekf.Q = random_covs(rng, 1, 3, 0.02)[0]
         ekf.predict(pose(*rng.normal(0.0, 0.3, 3)))
     return ekf, rng
@@ -93,10 +98,10 @@ def test_every_step_is_that_of_the_dense_filter(seed):
     ekf, dense = LandmarkEkf(first, cov), DenseEkf(first, cov)
     for step in range(30):
         if step % 5 == 0:
-            new, covs = rng.uniform(-6.0, 6.0, (rng.integers(1, 4), 2)), None
-            covs = random_covs(rng, len(new))
-            ekf.add_landmarks(new, covs)
-            dense = dense.augmented(new, covs)
+            new = rng.uniform(-6.0, 6.0, (rng.integers(1, 4), 2))
+            cov = joint_cov(rng, len(new))
+            ekf.add_landmarks(new, cov)
+            dense = dense.augmented(new, cov)
         motion, Q = pose(*rng.normal([0.2, 0.0, 0.1], 0.1)), random_covs(rng, 1, 3, 0.03)[0]
         ekf.Q = Q
         ekf.predict(motion)
@@ -173,7 +178,7 @@ def test_covariance_stays_one_and_an_update_never_grows_it(seed, heading, count)
             ekf.observe(*random_observation(ekf, rng, int(rng.integers(1, count + 1))))
             assert_covariance()
             assert np.linalg.eigvalsh(before - ekf.P).min() >= -1e-12 * max(1.0, np.abs(before).max())
-        ekf.add_landmarks(rng.uniform(-5.0, 5.0, (1, 2)), random_covs(rng, 1))
+        ekf.add_landmarks(rng.uniform(-5.0, 5.0, (1, 2)), joint_cov(rng, 1))
         np.testing.assert_allclose(ekf.P, ekf.P.T, rtol=0, atol=1e-14)
         count += 1
 
@@ -190,7 +195,7 @@ def test_filter_does_not_depend_on_the_world_frame(seed, heading, x, y, theta):
         ekf = LandmarkEkf(compose(move, pose(1.0, 2.0, heading)), turn @ cov @ turn.T)
         for step in range(6):
             if step % 3 == 0:
-                ekf.add_landmarks(rng.uniform(-4.0, 4.0, (2, 2)), random_covs(rng, 2))
+                ekf.add_landmarks(rng.uniform(-4.0, 4.0, (2, 2)), joint_cov(rng, 2))
             ekf.Q = random_covs(rng, 1, 3, 0.03)[0]
             ekf.predict(pose(*rng.normal(0.0, 0.3, 3)))
             ekf.observe(*random_observation(ekf, rng, 2))
@@ -222,7 +227,7 @@ def test_one_landmark_without_landmarks_around():
     assert ekf.landmarks.shape == (0, 2)
     ekf.predict(pose(0.1, 0.0, 0.1))
     assert ekf.x.shape == (3,)
-    ekf.add_landmarks(np.array([[2.0, 1.0]]), random_covs(rng, 1))
+    ekf.add_landmarks(np.array([[2.0, 1.0]]), joint_cov(rng, 1))
     ekf.observe(predict_corners(ekf.x, np.array([0])), random_covs(rng, 1), np.array([0]))
     assert ekf.x.shape == (5,)
     np.testing.assert_allclose(ekf.y, 0.0, atol=1e-12)
@@ -231,9 +236,9 @@ def test_one_landmark_without_landmarks_around():
 @given(seeds, headings, counts, st.integers(1, 3))
 def test_birth_is_a_dense_augmentation(seed, heading, count, new):
     ekf, rng = random_filter(seed, count, heading)
-    positions, covs = rng.uniform(-5.0, 5.0, (new, 2)), random_covs(rng, new)
-    expected = DenseEkf(ekf.x, ekf.P).augmented(positions, covs)
-    ekf.add_landmarks(positions, covs)
+    positions, cov = rng.uniform(-5.0, 5.0, (new, 2)), joint_cov(rng, new)
+    expected = DenseEkf(ekf.x, ekf.P).augmented(positions, cov)
+    ekf.add_landmarks(positions, cov)
     np.testing.assert_allclose(ekf.x, expected.x, rtol=0, atol=1e-12)
     np.testing.assert_allclose(ekf.P, expected.P, rtol=0, atol=1e-12)
 
@@ -241,14 +246,15 @@ def test_birth_is_a_dense_augmentation(seed, heading, count, new):
 def test_birth_covariances_are_those_of_monte_carlo():
     # Small sigmas: what the linearisation leaves out is far below the sampling error.
     ekf, rng = random_filter(5, 2, heading=2.5, scale=0.01)
-    position, cov = np.array([[3.0, -1.0]]), random_covs(rng, 1, scale=0.02)
+    positions, cov = np.array([[3.0, -1.0], [0.5, 2.0]]), joint_cov(rng, 2, scale=0.02)
     count = 40_000
     states = rng.multivariate_normal(ekf.x, ekf.P, count)
-    seen = rng.multivariate_normal(position[0], cov[0], count)
+    seen = rng.multivariate_normal(positions.ravel(), cov, count).reshape(-1, 2, 2)
     c, s = np.cos(states[:, 2]), np.sin(states[:, 2])
-    born = states[:, :2] + np.column_stack([c * seen[:, 0] - s * seen[:, 1], s * seen[:, 0] + c * seen[:, 1]])
-    ekf.add_landmarks(position, cov)
-    sampled = np.cov(np.hstack([states, born]).T)
+    turns = np.array([[c, -s], [s, c]]).transpose(2, 0, 1)
+    born = states[:, None, :2] + seen @ turns.transpose(0, 2, 1)
+    ekf.add_landmarks(positions, cov)
+    sampled = np.cov(np.hstack([states, born.reshape(-1, 4)]).T)
     sigmas = np.sqrt(np.diag(ekf.P))
     # The sampling error of a correlation is at most 1 / sqrt(count), of a variance sqrt(2) times that.
     np.testing.assert_allclose(sampled / np.outer(sigmas, sigmas), ekf.P / np.outer(sigmas, sigmas), atol=0.03)
@@ -306,7 +312,7 @@ def test_with_known_headings_it_is_batch_least_squares(seed):
         if old.any():
             ekf.observe(positions[old], covs[old], seen[old])
         if not old.all():
-            ekf.add_landmarks(positions[~old], covs[~old])
+            ekf.add_landmarks(positions[~old], block_diag(*covs[~old]))
     design, target = np.vstack(rows), np.concatenate(values)
     information = design.T @ design
     solution = np.linalg.solve(information, design.T @ target)
@@ -337,7 +343,7 @@ def test_pose_is_consistent_over_a_short_run():
             positions += rng.multivariate_normal(np.zeros(2), point_cov, len(landmarks))
             covs = np.repeat(point_cov[None], len(landmarks), axis=0)
             if step == 0:
-                ekf.add_landmarks(positions, covs)
+                ekf.add_landmarks(positions, block_diag(*covs))
             else:
                 ekf.observe(positions, covs, np.arange(len(landmarks)))
             error = ekf.pose - truth
@@ -359,7 +365,7 @@ def test_observing_at_once_is_observing_one_by_one_when_linear(seed):
     first_cov = block_diag(random_covs(rng, 1)[0], 0.0)
     for batches in ([[0, 1, 2]], [[2], [0], [1]]):
         ekf = LandmarkEkf(pose(1.0, 2.0, -2.0), first_cov)
-        ekf.add_landmarks(positions, covs)
+        ekf.add_landmarks(positions, block_diag(*covs))
         for batch in batches:
             ekf.observe(positions[batch] + seen[batch], covs[batch], np.array(batch))
         ekfs.append(ekf)
@@ -371,7 +377,7 @@ def test_observing_at_once_is_observing_one_by_one_when_linear(seed):
 def test_an_update_that_turns_the_robot_over_the_cut_wraps_its_heading(side):
     ekf = LandmarkEkf(pose(0.0, 0.0, side * (math.pi - 1e-3)), np.diag([1e-8, 1e-8, 0.01]))
     known = np.array([[3.0, 0.0], [0.0, 4.0]])
-    ekf.add_landmarks(known, 1e-10 * np.repeat(np.eye(2)[None], 2, axis=0))
+    ekf.add_landmarks(known, 1e-10 * np.eye(4))
     ekf.Q = np.diag([0.0, 0.0, 0.01])
     ekf.predict(pose())
     # Landmarks appear turned clockwise: the robot has turned the other way, by 0.05 rad.
@@ -379,3 +385,98 @@ def test_an_update_that_turns_the_robot_over_the_cut_wraps_its_heading(side):
     assert -math.pi <= ekf.x[2] < math.pi
     assert ekf.x[2] == pytest.approx(-side * (math.pi - 0.05 + 1e-3), abs=2e-3)
     np.testing.assert_array_equal(ekf.x_post, ekf.x)
+
+
+def moved_frames(x, pose_new):
+    """The state with the robot at another pose and every landmark where it is seen from it now."""
+    landmarks_robot = (x[3:].reshape(-1, 2) - x[:2]) @ rotation(x[2])
+    return np.concatenate([pose_new, transform(pose_new, landmarks_robot).ravel()])
+
+
+@given(seeds, headings, counts)
+def test_relative_landmarks_are_what_the_robot_sees_and_their_covariance_that_of_the_derivative(seed, heading, count):
+    ekf, _ = random_filter(seed, count, heading)
+    landmarks = np.arange(count)
+    jacobian = finite_difference(lambda x: predict_corners(x, landmarks).ravel(), ekf.x) if count else np.zeros((0, 3))
+    positions, cov = ekf.relative()
+    assert positions.shape == (count, 2)
+    np.testing.assert_array_equal(positions, predict_corners(ekf.x, landmarks))
+    np.testing.assert_allclose(cov, jacobian @ ekf.P @ jacobian.T, rtol=0, atol=1e-9)
+
+
+@given(seeds, headings, headings, counts)
+def test_rebase_moves_the_robot_and_keeps_all_that_it_sees(seed, heading, new_heading, count):
+    """What is known of the landmarks in the robot frame is the same before and after, whatever the pose is."""
+    ekf, rng = random_filter(seed, count, heading)
+    positions, cov = ekf.relative()
+    new, new_cov = pose(*rng.normal(0.0, 20.0, 2), new_heading), random_covs(rng, 1, 3, 0.3)[0]
+    ekf.rebase(new, new_cov)
+    np.testing.assert_array_equal(ekf.pose, new)
+    np.testing.assert_array_equal(ekf.pose_cov, new_cov)
+    after, after_cov = ekf.relative()
+    # Coordinates of some tens of metres.
+    np.testing.assert_allclose(after, positions, rtol=0, atol=1e-12)
+    np.testing.assert_allclose(after_cov, cov, rtol=0, atol=1e-10)
+
+
+@given(seeds, headings, headings, counts)
+def test_rebase_is_the_propagation_by_a_numeric_jacobian(seed, heading, new_heading, count):
+    """The new state as a function of the old one and of the new pose, which is independent of it."""
+    ekf, rng = random_filter(seed, count, heading)
+    new, new_cov = pose(*rng.normal(0.0, 20.0, 2), new_heading), random_covs(rng, 1, 3, 0.3)[0]
+    by_both = finite_difference(lambda both: moved_frames(both[3:], both[:3]), np.concatenate([new, ekf.x]))
+    expected = by_both @ block_diag(new_cov, ekf.P) @ by_both.T
+    expected_x = moved_frames(ekf.x, new)
+    ekf.rebase(new, new_cov)
+    np.testing.assert_allclose(ekf.x, expected_x, rtol=0, atol=1e-12)
+    np.testing.assert_allclose(ekf.P, expected, rtol=0, atol=1e-8)
+    np.testing.assert_array_equal(ekf.P_post, ekf.P)
+
+
+@given(seeds, headings, st.integers(1, 3))
+def test_a_filter_rebased_to_where_it_is_goes_on_from_there(seed, heading, count):
+    ekf, _ = random_filter(seed, count, heading)
+    x = ekf.x.copy()
+    ekf.rebase(ekf.pose, ekf.pose_cov)
+    np.testing.assert_allclose(ekf.x, x, rtol=0, atol=1e-12)
+    assert np.linalg.eigvalsh(ekf.P).min() > 0.0
+    # What is seen as it is expected changes nothing but the covariance.
+    ekf.observe(predict_corners(ekf.x, np.array([0])), 1e-4 * np.eye(2)[None], np.array([0]))
+    np.testing.assert_allclose(ekf.x, x, rtol=0, atol=1e-9)
+
+
+@given(seeds, headings, st.integers(1, 5), st.data())
+def test_forgetting_is_marginalisation(seed, heading, count, data):
+    """What is left is the marginal of the dense Gaussian, here by Schur's complement of its information."""
+    ekf, _ = random_filter(seed, count, heading)
+    gone = np.array(data.draw(st.lists(st.integers(0, count - 1), min_size=1, unique=True)))
+    information = np.linalg.inv(ekf.P)
+    out = (3 + 2 * gone[:, None] + np.arange(2)).ravel()
+    kept = np.setdiff1d(np.arange(ekf.x.size), out)
+    left = information[np.ix_(kept, kept)] - information[np.ix_(kept, out)] @ np.linalg.solve(
+        information[np.ix_(out, out)], information[np.ix_(out, kept)]
+    )
+    x = ekf.x[kept]
+    ekf.forget(gone)
+    np.testing.assert_array_equal(ekf.x, x)
+    np.testing.assert_allclose(ekf.P @ left, np.eye(kept.size), rtol=0, atol=1e-5)
+    assert ekf.dim_x == ekf.x.size == 3 + 2 * (count - gone.size)
+
+
+@given(seeds, headings)
+def test_what_a_forgotten_landmark_told_stays_and_the_rest_goes_on_as_if_it_were_there(seed, heading):
+    """As long as it is not observed again, a filter that has forgotten a landmark does what one does that has not."""
+    ekf, rng = random_filter(seed, 3, heading)
+    ekf.observe(*random_observation(ekf, rng, 3))
+    other = LandmarkEkf(ekf.pose, ekf.pose_cov)
+    other.x, other.P = ekf.x.copy(), ekf.P.copy()
+    ekf.forget(np.array([1]))
+    motion, Q = pose(*rng.normal(0.0, 0.3, 3)), random_covs(rng, 1, 3, 0.02)[0]
+    positions, covs = rng.uniform(-3.0, 3.0, (2, 2)), random_covs(rng, 2)
+    for each, landmarks in ((ekf, np.array([0, 1])), (other, np.array([0, 2]))):
+        each.Q = Q
+        each.predict(motion)
+        each.observe(positions, covs, landmarks)
+    kept = np.array([0, 1, 2, 3, 4, 7, 8])
+    np.testing.assert_allclose(ekf.x, other.x[kept], rtol=0, atol=1e-10)
+    np.testing.assert_allclose(ekf.P, other.P[np.ix_(kept, kept)], rtol=0, atol=1e-10)

@@ -1,0 +1,82 @@
+"""What is remembered of landmarks: means, frames, counts and where each one is."""
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from features.se2 import wrap_angle
+from slam.landmark import LOCAL, MERGED, LandmarkTable
+
+from .observed_corners import corners
+
+angles = st.floats(-math.pi, math.pi)
+
+
+def table_of(orientations, heading=0.0):
+    table = LandmarkTable()
+    k = len(orientations)
+    seen = corners(np.zeros((k, 2)), orientations=np.array(orientations))
+    table.add(seen, np.arange(k), heading)
+    return table
+
+
+def test_signatures_are_means_over_the_observations():
+    table = LandmarkTable()
+    first = corners([[1.0, 0.0]], openings=1.5, orientations=math.pi - 0.1)
+    second = corners([[1.0, 0.0]], openings=1.7, orientations=-math.pi + 0.3)
+    assert table.add(first, np.array([0]), 0.0).tolist() == [0]
+    table.see(np.array([0]), second, np.array([0]), 0.0)
+    assert table.observations.tolist() == [2]
+    assert table.opening_angles == pytest.approx([1.6])
+    assert wrap_angle(table.orientations - (-math.pi + 0.1)) == pytest.approx([0.0], abs=1e-9)
+
+
+@given(st.lists(angles, min_size=1, max_size=4), angles)
+def test_orientations_are_told_in_the_world(orientations, heading):
+    table = table_of(orientations, heading)
+    np.testing.assert_allclose(wrap_angle(table.orientations - np.array(orientations) - heading), 0.0, atol=1e-12)
+    assert (table.key_frames == LOCAL).all()
+    assert np.isnan(table.positions).all()
+
+
+@given(angles, angles, angles, angles)
+def test_at_rest_an_orientation_turns_with_its_key_frame(orientation, heading, key_heading, key_heading_after):
+    table = table_of([orientation, orientation], heading)
+    before = table.orientations
+    landmark = np.array([1])
+    table.rest(landmark, 7, key_heading, np.array([[1.0, 2.0]]), np.eye(2)[None])
+    assert table.key_frames.tolist() == [LOCAL, 7]
+    np.testing.assert_array_equal(table.positions[1], [1.0, 2.0])
+    np.testing.assert_allclose(wrap_angle(table.orientations[1] + key_heading - before[1]), 0.0, atol=1e-12)
+    table.wake(landmark, np.array([key_heading_after]))
+    turned = wrap_angle(table.orientations - before)
+    np.testing.assert_allclose(wrap_angle(turned - [0.0, key_heading_after - key_heading]), 0.0, atol=1e-12)
+    assert table.key_frames.tolist() == [LOCAL, LOCAL]
+
+
+def test_a_mean_goes_on_over_rest_and_wake():
+    """Observations before the rest keep their weight."""
+    table = table_of([0.2])
+    table.see(np.array([0]), corners([[0.0, 0.0]], orientations=0.4), np.array([0]), 0.0)
+    table.rest(np.array([0]), 0, 1.0, np.zeros((1, 2)), np.eye(2)[None])
+    table.wake(np.array([0]), np.array([2.0]))
+    table.see(np.array([0]), corners([[0.0, 0.0]], orientations=0.3), np.array([0]), 1.0)
+    assert table.orientations == pytest.approx([1.3], abs=1e-12)
+    assert table.observations.tolist() == [3]
+
+
+def test_merged_landmarks_count_together():
+    table = table_of([0.1, 0.0, 0.5])
+    table.see(np.array([2]), corners([[0.0, 0.0]], openings=1.2, orientations=0.3), np.array([0]), 0.0)
+    table.misses[:] = [1, 2, 4]
+    table.merge(0, 2)
+    assert table.observations[0] == 3
+    assert table.misses[0] == 5
+    # The mean of three directions, weighted alike.
+    assert table.orientations[0] == pytest.approx(0.3, abs=1e-12)
+    assert table.opening_angles[0] == pytest.approx((math.pi + 1.2) / 3.0)
+    assert table.key_frames.tolist() == [LOCAL, LOCAL, MERGED]
+    assert len(table) == 3
