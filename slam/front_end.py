@@ -79,7 +79,7 @@ class FrontEnd:
 
     def miss(self, scan: LaserScan, sensor: SensorModel, seen: Indices) -> None:
         """End landmarks whose place the beams went through more often than they were seen; none ``seen`` just now."""
-        if not (self.local.size and len(scan)):
+        if not self.local.size:
             return
         missed = seen_through(scan, sensor, transform_back(self.ekf.pose, self.ekf.landmarks))
         missed &= ~np.isin(self.local, seen)
@@ -99,10 +99,11 @@ class FrontEnd:
             self._drop(np.arange(self.local.size) == other)
         return merged
 
-    def rest(self, key_frame: int) -> None:
-        """Lay landmarks far from the robot to rest in a key frame that is here."""
+    def rest(self, key_frame: int, seen: Indices) -> None:
+        """Lay landmarks far from the robot to rest in a key frame that is here; none ``seen`` just now."""
         positions_robot, cov = self.ekf.relative()
         far = np.hypot(positions_robot[:, 0], positions_robot[:, 1]) > self._keep_distance
+        far &= ~np.isin(self.local, seen)
         slots = np.flatnonzero(far)
         if not slots.size:
             return
@@ -189,6 +190,8 @@ def transform_back(pose_world_robot: Pose, points_world: Array) -> Array:
 
 def seen_through(scan: LaserScan, sensor: SensorModel, points_robot: Array) -> NDArray[np.bool_]:
     """Whether every beam next to a point ends well behind it, so that nothing is there, shape (n,)."""
+    if not len(scan):
+        return np.zeros(len(points_robot), np.bool_)
     mounting = sensor.mounting
     points = (points_robot - np.array([mounting.x, mounting.y])) @ mounting.axes
     bearings = np.arctan2(points[:, 1], points[:, 0]) % TWO_PI

@@ -18,7 +18,13 @@ ANCHOR_SIGMAS = np.array([1e-4, 1e-4, 1e-5])
 """The first key frame defines the world frame; its prior is tight enough not to show in any covariance [m, m, rad]."""
 
 CLOSURE_GATE = float(chi2.ppf(0.9999, 3))
-"""Squared Mahalanobis distance beyond which the rest of the graph contradicts a closure."""
+"""Twice the cost of a closure beyond which the rest of the graph contradicts it (eq. M50)."""
+
+MOST_SUSPECTS = 5
+"""How many closures, those that fit worst, are tried to be left out, one at a time."""
+
+LEAST_SUSPICIOUS = 4.0
+"""Squared Mahalanobis distance of a closure from the solution up to which none is tried."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -73,6 +79,18 @@ class GraphEstimate:
     covs: Array
     converged: bool
     revoked: tuple[Closure, ...] = ()
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Solved:
+    """Solution of a graph, and twice its cost: the sum of squared whitened residuals."""
+
+    graph: gtsam.NonlinearFactorGraph
+    values: gtsam.Values
+    landmarks: NDArray[np.int64]
+    poses: Array
+    cost: float
+    converged: bool
 
 
 class LandmarkGraph:
@@ -207,38 +225,51 @@ class LandmarkGraph:
         DivergedError
             The graph does not determine its unknowns.
         """
+        closures = list(self._closures)
+        revoked: list[Closure] = []
+        try:
+            solved = self._solve(self.poses_world_robot, closures, max_iterations)
+            while closures:
+                # A closure pulls the solution towards itself: what it costs is told by a solution without it.
+                suspects = sorted(closures, key=lambda closure: -_distance2(closure, solved.poses))[:MOST_SUSPECTS]
+                if _distance2(suspects[0], solved.poses) <= LEAST_SUSPICIOUS:
+                    break
+                without = [
+                    self._solve(solved.poses, [each for each in closures if each is not suspect], max_iterations)
+                    for suspect in suspects
+                ]
+                best = int(np.argmin([each.cost for each in without]))
+                if solved.cost - without[best].cost <= CLOSURE_GATE:
+                    break
+                revoked.append(suspects[best])
+                closures.remove(suspects[best])
+                solved = without[best]
+            tree = _empty_tree(relinearize_skip=1)
+            tree.update(solved.graph, solved.values)
+            covs = [tree.marginalCovariance(L(int(landmark))) for landmark in solved.landmarks]
+        except RuntimeError as error:
+            raise self._undetermined(error) from None
+        return GraphEstimate(
+            poses_world_robot=solved.poses,
+            landmarks=solved.landmarks,
+            positions_world=np.array([solved.values.atPoint2(L(int(j))) for j in solved.landmarks]).reshape(-1, 2),
+            covs=np.array(covs).reshape(-1, 2, 2),
+            converged=solved.converged,
+            revoked=tuple(revoked),
+        )
+
+    def _solve(self, poses_world_robot: Array, closures: list[Closure], max_iterations: int) -> "_Solved":
         params = gtsam.LevenbergMarquardtParams()
         params.setMaxIterations(max_iterations)
         params.setRelativeErrorTol(1e-6)
         # QR: a long way without a loop leaves information that differs by more than Cholesky's squared numbers hold.
         params.setLinearSolverType("MULTIFRONTAL_QR")
-        closures = list(self._closures)
-        revoked: list[Closure] = []
-        poses = self.poses_world_robot
-        try:
-            while True:
-                graph, values, landmarks = self._with_observations(poses, closures)
-                optimizer = gtsam.LevenbergMarquardtOptimizer(graph, values, params)
-                solution = optimizer.optimize()
-                poses = gtsam.utilities.extractPose2(solution).reshape(-1, 3)
-                wrong = [closure for closure in closures if _distance2(closure, poses) > CLOSURE_GATE]
-                if not wrong:
-                    break
-                revoked += wrong
-                closures = [closure for closure in closures if closure not in wrong]
-            tree = _empty_tree(relinearize_skip=1)
-            tree.update(graph, solution)
-            covs = [tree.marginalCovariance(L(int(landmark))) for landmark in landmarks]
-        except RuntimeError as error:
-            raise self._undetermined(error) from None
-        return GraphEstimate(
-            poses_world_robot=poses,
-            landmarks=landmarks,
-            positions_world=np.array([solution.atPoint2(L(int(j))) for j in landmarks]).reshape(-1, 2),
-            covs=np.array(covs).reshape(-1, 2, 2),
-            converged=optimizer.iterations() < max_iterations,
-            revoked=tuple(revoked),
-        )
+        graph, guess, landmarks = self._with_observations(poses_world_robot, closures)
+        optimizer = gtsam.LevenbergMarquardtOptimizer(graph, guess, params)
+        values = optimizer.optimize()
+        poses = gtsam.utilities.extractPose2(values).reshape(-1, 3)
+        converged = optimizer.iterations() < max_iterations
+        return _Solved(graph, values, landmarks, poses, 2.0 * optimizer.error(), converged)
 
     def pose_covs(self, estimate: GraphEstimate, key_frames: NDArray[np.int64]) -> Array:
         """Marginal covariances of key frames at a solution, shape (k, 3, 3), each in the key frame's own frame.

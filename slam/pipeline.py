@@ -207,7 +207,7 @@ class Slam:
         for kept, other in self._front.merge():
             self._graph.merge(kept, other)
         self._graph.update()
-        self._front.rest(len(self._key_frames))
+        self._front.rest(len(self._key_frames), landmarks)
         if self._odometry.scan is not None:
             self._closer.add_key_frame(self._odometry.scan, self._since_key_frame.travel)
         self._since_key_frame.reset()

@@ -27,6 +27,8 @@ NOWHERE = np.zeros((3, 3))
 # The first association loads compiled code.
 unhurried = settings(deadline=None)
 
+NOTHING = np.empty(0, np.int64)
+
 
 def front_end(first=pose(), cov=1e-6 * np.eye(3), birth_distance=0.5):  # noqa: B008, not written to
     gates = Gates("joint", 0.99, 0.9999, birth_distance, math.radians(20.0), math.radians(30.0))
@@ -39,7 +41,7 @@ def resting(seed, heading):
     front = front_end(pose(*rng.normal(0.0, 5.0, 2), heading), np.diag([0.1, 0.1, 0.05]) ** 2)
     front.observe(corners([[2.0, 1.0], [5.5, 0.5], [6.0, -1.0], [1.0, -2.0]], orientations=0.4, sigma=(0.02, 0.08)))
     key_pose = front.ekf.pose
-    front.rest(0)
+    front.rest(0, NOTHING)
     front.move(pose(*rng.normal([3.0, 0.0, 0.3], 0.2)), np.diag([0.05, 0.05, 0.02]) ** 2)
     return front, key_pose, rng
 
@@ -52,7 +54,7 @@ def test_rest_keeps_a_landmark_as_its_key_frame_sees_it(seed, heading):
     positions = [[2.0, 1.0], [5.5, 0.5], [6.0, -1.0], [1.0, -2.0]]
     front.observe(corners(positions))
     x, P = front.ekf.x.copy(), front.ekf.P.copy()
-    front.rest(3)
+    front.rest(3, NOTHING)
     assert front.local.tolist() == [0, 3]
     assert front.table.key_frames.tolist() == [LOCAL, 3, 3, LOCAL]
     np.testing.assert_allclose(front.table.positions[[1, 2]], np.array(positions)[[1, 2]], atol=1e-9)
@@ -120,8 +122,8 @@ def test_a_woken_landmark_is_found_again(seed, heading):
     front.wake(np.array([key_pose, front.ekf.pose]), np.array([0]), NOWHERE)
     x, before = front.ekf.x.copy(), front.ekf.pose_cov
     positions = predict_corners(front.ekf.x, np.array([2, 3]))
-    update = front.observe(corners(positions, orientations=wrap_angle(0.4 + key_pose[2] - x[2])))
-    assert update.landmarks.tolist() == [1, 2]
+    _, landmarks = front.observe(corners(positions, orientations=wrap_angle(0.4 + key_pose[2] - x[2])))
+    assert landmarks.tolist() == [1, 2]
     assert front.table.observations.tolist() == [1, 2, 2, 1]
     np.testing.assert_allclose(front.ekf.x, x, atol=1e-9)
     assert np.linalg.eigvalsh(before - front.ekf.pose_cov).min() > -1e-12
@@ -130,9 +132,9 @@ def test_a_woken_landmark_is_found_again(seed, heading):
 def test_only_what_is_near_wakes_and_only_from_the_key_frames_named():
     front = front_end()
     front.observe(corners([[6.0, 0.0]]))
-    front.rest(0)
+    front.rest(0, NOTHING)
     front.observe(corners([[6.0, 3.0], [0.0, 9.0]]))
-    front.rest(1)
+    front.rest(1, NOTHING)
     front.move(pose(3.0, 0.0, 0.0), 1e-6 * np.eye(3))
     poses = np.array([pose(), pose(), front.ekf.pose])
     assert front.local.size == 0
@@ -150,8 +152,8 @@ def test_a_front_end_that_is_put_elsewhere_sees_the_same_landmarks(seed, heading
     seen = predict_corners(front.ekf.x, np.array([0, 1]))
     orientation = wrap_angle(0.4 + key_pose[2] - front.ekf.x[2])
     front.rebase(pose(*rng.normal(0.0, 20.0, 2), new_heading), 0.01 * np.eye(3))
-    update = front.observe(corners(seen, orientations=orientation))
-    assert update.landmarks.tolist() == [0, 3]
+    _, landmarks = front.observe(corners(seen, orientations=orientation))
+    assert landmarks.tolist() == [0, 3]
     np.testing.assert_allclose(
         wrap_angle(front.table.orientations[[0, 3]] - orientation - front.ekf.x[2]), 0, atol=1e-9
     )
@@ -319,7 +321,7 @@ def test_a_landmark_that_is_gone_does_not_wake_and_may_be_born_again():
     assert front.local.size == 0
     front.wake(np.array([pose(), pose()]), np.array([0, 1]), NOWHERE)
     assert front.local.size == 0
-    assert front.observe(corners([[2.0, 1.0]])).landmarks.tolist() == [1]
+    assert front.observe(corners([[2.0, 1.0]]))[1].tolist() == [1]
 
 
 def test_a_scan_of_no_beams_is_no_miss():
@@ -331,10 +333,10 @@ def test_a_scan_of_no_beams_is_no_miss():
 
 def test_what_is_seen_again_is_counted_and_what_is_new_gets_the_next_number():
     front = front_end()
-    first = front.observe(corners([[2.0, 1.0], [3.0, -2.0]]))
-    second = front.observe(corners([[-4.0, 0.0], [3.0, -2.0]]))
-    assert first.landmarks.tolist() == [0, 1]
-    assert second.landmarks.tolist() == [2, 1]
+    _, first = front.observe(corners([[2.0, 1.0], [3.0, -2.0]]))
+    _, second = front.observe(corners([[-4.0, 0.0], [3.0, -2.0]]))
+    assert first.tolist() == [0, 1]
+    assert second.tolist() == [2, 1]
     assert front.table.observations.tolist() == [1, 2, 1]
     assert front.local.tolist() == [0, 1, 2]
     np.testing.assert_allclose(between(pose(), front.ekf.pose), pose(), atol=1e-9)
@@ -344,7 +346,7 @@ def test_a_corner_that_is_seen_from_afar_stays_one_landmark():
     """Farther than the front end keeps landmarks, but in sight of every key frame on the way."""
     front = front_end()
     for key_frame in range(4):
-        front.observe(corners([[1.5 * KEEP - 0.3 * key_frame, 0.0]]))
-        front.rest(key_frame)
+        _, seen = front.observe(corners([[1.5 * KEEP - 0.3 * key_frame, 0.0]]))
+        front.rest(key_frame, seen)
         front.move(pose(0.3, 0.0, 0.0), 1e-6 * np.eye(3))
     assert len(front.table) == 1
