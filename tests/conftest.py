@@ -2,5 +2,11 @@
 
 import os
 
+from hypothesis import settings
+
 # As the command line does: small matrices, and tests share the cores with whatever else runs.
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+
+# No test fails on a clock: what is compiled at its first call, or a busy machine, takes its time.
+settings.register_profile("cwlf", deadline=None)
+settings.load_profile("cwlf")
