@@ -108,7 +108,7 @@ def test_associations_that_go_wrong_are_noticed(monkeypatch: pytest.MonkeyPatch)
         found = associate(*arguments)
         return replace(found, landmarks=np.roll(found.landmarks, 1))
 
-    monkeypatch.setattr("slam.pipeline.associate", exchanged)
+    monkeypatch.setattr("slam.front_end.associate", exchanged)
     assert simulate(room_run(5), CONFIG, 10)["row"]["association_precision"] < 0.2
 
 
