@@ -146,14 +146,14 @@ def paper(
 
 @study.command()
 def scaling(
-    seeds: Annotated[int, typer.Option("--seeds", min=1, help="Simulated runs of each study that is timed.")] = 200,
+    rounds: Annotated[int, typer.Option("--rounds", min=1, help="Times that one worker and all are timed.")] = 20,
     docs: Annotated[Path, typer.Option("--docs", help="Folder of scaling.md.")] = Path("docs"),
-    out: Annotated[Path, typer.Option("--out", help="Folder for the run folders.")] = Path("runs/scaling"),
+    out: Annotated[Path, typer.Option("--out", help="Folder for what is timed.")] = Path("runs/scaling"),
 ) -> None:
-    """Time `study slam` on one worker and on all cores, and put the figures into docs/scaling.md."""
+    """Time the runs of `study slam` on one worker and on all cores, and put the figures into docs/scaling.md."""
     from slam.study.scaling import make_scaling_page
 
-    typer.echo("\n".join(make_scaling_page(docs, out, seeds)))
+    typer.echo("\n".join(make_scaling_page(docs, out, rounds)))
 
 
 def extract_scan(

@@ -1,14 +1,17 @@
 """How much faster studies are on more workers: measured on this machine, and what follows for more of them."""
 
 import json
+import math
 import os
 import subprocess
 import sys
 import time
-from collections.abc import Mapping
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from statistics import median
 
+from distributed import Client
 from pydantic import BaseModel, ConfigDict
 
 from slam.errors import RunFolderError, StudyError
@@ -21,25 +24,34 @@ from slam.study.tasks import pool, run_tasks, task_seed
 EMPTY_TASKS = 1000
 """Tasks that do nothing, to measure what a task costs beside its work."""
 
-COMPARED = "runs.csv", "nees.csv", "summary.json", "settings.toml", "page.md"
+RUNS_OF_ROUND = 4
+"""Runs that each worker does in a round."""
+
+AT_REST = 0.1
+"""The machine is at rest where others keep fewer cores busy than this."""
+
 BEYOND_TASKS = 200, 10_000
 BEYOND_WORKERS = 2, 8, 32, 128, 512
 
 
 @dataclass(frozen=True, slots=True)
-class Timing:
-    """A study from the command to its end.
+class Round:
+    """The same share of work for one worker and then for each of all workers.
 
     Parameters
     ----------
-    wall_s : time that passed [s].
-    own_s : processor time of all its processes [s].
-    others : cores that the rest of the machine kept busy meanwhile; None where the system does not tell.
+    one, every : runs per second by one worker and by all of them [1/s].
+    others : cores that the rest of the machine kept busy meanwhile; NaN where the system does not tell.
     """
 
-    wall_s: float
-    own_s: float
-    others: float | None
+    one: float
+    every: float
+    others: float
+
+    @property
+    def speed_up(self) -> float:
+        """How many times as fast all workers are."""
+        return self.every / self.one
 
 
 @dataclass(frozen=True, slots=True)
@@ -79,72 +91,90 @@ def nothing(settings: BaseModel, task: int, seed: int) -> int:
     return task
 
 
-def make_scaling_page(docs: Path, runs: Path, seeds: int) -> list[str]:
-    """Time ``study slam`` on one worker and on all cores, one after the other, and fill ``docs/scaling.md``.
+def make_scaling_page(docs: Path, runs: Path, rounds: int) -> list[str]:
+    """Time one worker and all cores in turn, and fill ``docs/scaling.md``.
 
     Parameters
     ----------
-    docs, runs : folders; below ``runs`` the studies have theirs.
-    seeds : simulated runs of each study.
+    docs, runs : folders; what is timed has its own below ``runs``.
+    rounds : how often each is timed.
 
     Raises
     ------
     RunFolderError
         A file cannot be read or written.
     StudyError
-        A study failed, or its files differ between one worker and all.
+        A study failed.
     """
     cores = os.cpu_count() or 1
     try:
         runs.mkdir(parents=True, exist_ok=True)
-        serial = _timed(runs / "serial", "--seeds", "1", "--limit", "1", "--workers", "1")
-        timings = {
-            workers: _timed(runs / f"workers-{workers}", "--seeds", str(seeds), "--workers", str(workers))
-            for workers in (1, cores)
-        }
-        for name in COMPARED:
-            if len({(runs / f"workers-{workers}" / name).read_bytes() for workers in timings}) != 1:
-                raise StudyError(f"{name} in {runs} differs between one worker and {cores}")
-        task_s = (timings[1].wall_s - serial.wall_s) / seeds
-        costs = Costs(serial.wall_s, task_s, _overhead_s(runs, cores), _result_bytes())
+        serial_s = min(_command_s(runs / "serial") for _ in range(3))
+        overhead_s = _overhead_s(runs, cores)
+        taken = _rounds(runs, cores, rounds)
+        quiet = [of for of in taken if of.others < AT_REST]
+        costs = Costs(serial_s, 1.0 / median(of.one for of in quiet or taken), overhead_s, _result_bytes())
         page = docs / "scaling.md"
-        blocks = {"measured": _measured(timings, seeds), "costs": _costs(costs), "beyond": _beyond(costs)}
+        blocks = {"measured": _measured(taken, quiet, cores), "costs": _costs(costs), "beyond": _beyond(costs)}
         page.write_text(fill(page.read_text(encoding="utf-8"), blocks), encoding="utf-8")
     except OSError as error:
         raise RunFolderError(f"{error.filename}: {error.strerror}") from None
-    speed_up = timings[1].wall_s / timings[cores].wall_s
     return [
-        f"{seeds} runs: {timings[1].wall_s:.0f} s on one worker, {timings[cores].wall_s:.0f} s on {cores}: "
-        f"{speed_up:.2f} times as fast, the same files",
+        f"{cores} workers are {median(of.speed_up for of in quiet or taken):.2f} times as fast as one: median of "
+        f"{len(quiet or taken)} rounds{' at rest' if quiet else ', the machine never being at rest'}",
         f"filled {page}",
     ]
 
 
-def _timed(folder: Path, *options: str) -> Timing:
-    """Time ``study slam`` as a user gives it, in a process of its own."""
+def _command_s(folder: Path) -> float:
+    """Time of a command with a task of next to nothing, from the start of Python to the last picture [s]."""
     discard(folder)
-    machine, own, began = _machine_s(), _children_s(), time.monotonic()
-    command = [sys.executable, "-m", "slam.cli", "study", "slam", *options, "--out", str(folder), "--overwrite"]
-    if subprocess.run(command, stdout=subprocess.DEVNULL, check=False).returncode:
+    began = time.monotonic()
+    command = [sys.executable, "-m", "slam.cli", "study", "slam", "--seeds", "1", "--limit", "1", "--workers", "1"]
+    ended = subprocess.run([*command, "--out", folder, "--overwrite"], stdout=subprocess.DEVNULL, check=False)
+    if ended.returncode:
         raise StudyError(f"the study in {folder} failed; what it said is above")
-    wall_s, own_s, machine_now = time.monotonic() - began, _children_s() - own, _machine_s()
-    if machine is None or machine_now is None:
-        return Timing(wall_s, own_s, None)
-    return Timing(wall_s, own_s, (machine_now - machine - own_s) / wall_s)
+    return time.monotonic() - began
 
 
-def _children_s() -> float:
-    """Processor time of all processes that this one has started and that ended [s]."""
-    times = os.times()
-    return times.children_user + times.children_system
+def _rounds(folder: Path, cores: int, count: int) -> list[Round]:
+    """Time both in turn, so that a slow moment of the machine falls on both."""
+    rounds: list[Round] = []
+    with pool(workers=1) as one, pool(workers=cores) as every:
+        for _ in range(count + 1):
+            machine, own, began = _machine_s(), _own_s(one, every), time.monotonic()
+            rate_one = _rate(one, folder, RUNS_OF_ROUND)
+            rate_every = _rate(every, folder, RUNS_OF_ROUND * cores)
+            wall_s, own_s, machine_now = time.monotonic() - began, _own_s(one, every) - own, _machine_s()
+            rounds.append(Round(rate_one, rate_every, (machine_now - machine - own_s) / wall_s))
+    return rounds[1:]  # in the first one workers import the program
 
 
-def _machine_s() -> float | None:
-    """Processor time that all cores have spent so far, what the host took away included [s]; Linux only."""
+def _rate(client: Client, folder: Path, count: int) -> float:
+    """Do so many runs; return how many a second [1/s]."""
+    settings = MonteCarloSettings(world="room", seeds=count, config=world_config("room", None))
+    discard(folder)
+    began = time.monotonic()
+    outcome = run_tasks(client, folder, "slam", settings, run_task, count)
+    taken_s = time.monotonic() - began
+    discard(folder)
+    if outcome.failures:
+        raise StudyError(str(outcome.failures[0]))
+    return count / taken_s
+
+
+def _own_s(*clients: Client) -> float:
+    """Processor time of this process and of the workers so far [s]."""
+    of_workers: list[dict[str, float]] = [client.run(time.process_time) for client in clients]  # type: ignore[misc]
+    return time.process_time() + sum(sum(of.values()) for of in of_workers)
+
+
+def _machine_s() -> float:
+    """Processor time that all cores have spent so far, what the host took away included [s]; NaN but on Linux."""
     try:
         line = Path("/proc/stat").read_text(encoding="ascii").splitlines()[0]
     except OSError:
-        return None
+        return math.nan
     user, nice, system, _, _, irq, softirq, steal = map(int, line.split()[1:9])
     return (user + nice + system + irq + softirq + steal) / os.sysconf("SC_CLK_TCK")
 
@@ -167,19 +197,20 @@ def _result_bytes() -> int:
     return len(json.dumps(run_task(settings, 0, task_seed(settings.seed, 0))))
 
 
-def _measured(timings: Mapping[int, Timing], seeds: int) -> str:
+def _measured(taken: Sequence[Round], quiet: Sequence[Round], cores: int) -> str:
     rows = [
         [
-            str(workers),
-            f"{of.wall_s:.1f}",
-            f"{seeds / of.wall_s:.2f}",
-            f"{timings[1].wall_s / of.wall_s:.2f}",
-            f"{of.own_s:.1f}",
-            "unknown" if of.others is None else f"{of.others:.2f}",
+            name,
+            str(len(of)),
+            f"{median(one.one for one in of):.3f}",
+            f"{median(one.every for one in of):.3f}",
+            f"{median(one.speed_up for one in of):.2f}",
+            f"{min(one.speed_up for one in of):.2f} .. {max(one.speed_up for one in of):.2f}",
         ]
-        for workers, of in timings.items()
+        for name, of in (("machine at rest", quiet), ("all", taken))
+        if of
     ]
-    header = ["workers", "time [s]", "runs/s", "times as fast", "processor time [s]", "cores others used"]
+    header = ["rounds", "count", "one worker [runs/s]", f"{cores} workers [runs/s]", "times as fast", "least .. most"]
     return markdown_table(header, rows)
 
 

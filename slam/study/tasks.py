@@ -14,6 +14,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+import dask.config
 import numpy as np
 from distributed import Client, LocalCluster, Worker, as_completed
 from pydantic import BaseModel
@@ -86,8 +87,10 @@ def pool(scheduler: str | None = None, workers: int | None = None) -> Iterator[C
 @contextmanager
 def _workers_here(workers: int | None) -> Iterator[Client]:
     # One thread each: a task hardly ever lets go of the interpreter. Dask sees to it that a worker's linear algebra has
-    # no threads either. Its page of diagnostics stays on this machine, at any free port.
+    # no threads either. Its page of diagnostics stays on this machine, at any free port; its profiler, which looks at a
+    # worker a hundred times a second, is off.
     with (
+        dask.config.set({"distributed.worker.profile.enabled": False}),
         LocalCluster(
             n_workers=workers,
             threads_per_worker=1,

@@ -1,4 +1,4 @@
-"""The page of the speed-up: its arithmetic, and that it compares what was written."""
+"""The page of the speed-up: its arithmetic, and what it tells of the rounds."""
 
 from contextlib import nullcontext
 from pathlib import Path
@@ -8,11 +8,8 @@ from distributed import Client
 from hypothesis import given
 from hypothesis import strategies as st
 
-from slam.errors import StudyError
 from slam.study import scaling
-from slam.study.scaling import COMPARED, Costs, Timing, make_scaling_page
-
-PAGE = "".join(f"<!-- {name} -->\n<!-- end -->\n" for name in ("measured", "costs", "beyond"))
+from slam.study.scaling import Costs, Round, make_scaling_page, nothing
 
 
 @given(
@@ -38,42 +35,32 @@ def test_amdahl_without_overhead() -> None:
 
 
 @pytest.fixture
-def timed(client: Client, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """Studies that are not run but said to take a second and 10 s, 20 s in all with one worker."""
-
-    def study(folder: Path, *options: str) -> Timing:
-        folder.mkdir()
-        for name in COMPARED:
-            (folder / name).write_text("the same")
-        return {"serial": Timing(1.0, 1.0, 0.0), "workers-1": Timing(21.0, 20.0, 0.1)}.get(
-            folder.name, Timing(11.0, 20.0, None)
-        )
-
-    monkeypatch.setattr(scaling.os, "cpu_count", lambda: 2)
-    monkeypatch.setattr(scaling, "_timed", study)
+def page(client: Client, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A page to fill; workers are threads of this process, and all else is as small as can be."""
     monkeypatch.setattr(scaling, "pool", lambda **_: nullcontext(client))
     monkeypatch.setattr(scaling, "EMPTY_TASKS", 3)
-    (tmp_path / "scaling.md").write_text(PAGE)
-    return tmp_path
+    monkeypatch.setattr(scaling, "_command_s", lambda _: 5.0)
+    path = tmp_path / "scaling.md"
+    path.write_text("".join(f"<!-- {name} -->\n<!-- end -->\n" for name in ("measured", "costs", "beyond")))
+    return path
 
 
-def test_the_page_has_what_was_measured(timed: Path) -> None:
-    lines = make_scaling_page(timed, timed / "runs", seeds=10)
-    assert lines[0] == "10 runs: 21 s on one worker, 11 s on 2: 1.91 times as fast, the same files"
-    page = (timed / "scaling.md").read_text()
-    assert "| 1 | 21.0 | 0.48 | 1.00 | 20.0 | 0.10 |" in page
-    assert "| 2 | 11.0 | 0.91 | 1.91 | 20.0 | unknown |" in page
-    assert "| one run through the room, on one worker | 2.00 s |" in page
+def test_the_page_tells_the_rounds_at_rest_beside_all(page: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    rounds = [Round(0.5, 0.9, 0.05), Round(0.5, 1.0, 0.0), Round(0.5, 0.95, 0.09), Round(0.2, 0.1, 1.0)]
+    monkeypatch.setattr(scaling, "_rounds", lambda *_: rounds)
+    monkeypatch.setattr(scaling.os, "cpu_count", lambda: 2)
+    lines = make_scaling_page(page.parent, page.parent / "runs", 4)
+    assert lines[0] == "2 workers are 1.90 times as fast as one: median of 3 rounds at rest"
+    text = page.read_text()
+    assert "| machine at rest | 3 | 0.500 | 0.950 | 1.90 | 1.80 .. 2.00 |" in text
+    assert "| all | 4 | 0.500 | 0.925 | 1.85 | 0.50 .. 2.00 |" in text
+    assert "| one run through the room, on one worker | 2.00 s |" in text
+    assert "| serial: start, workers, tables, pictures | 5.0 s |" in text
 
 
-def test_files_that_differ_are_an_error(timed: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    study = scaling._timed
-
-    def other(folder: Path, *options: str) -> Timing:
-        timing = study(folder, *options)
-        (folder / COMPARED[0]).write_text(folder.name)
-        return timing
-
-    monkeypatch.setattr(scaling, "_timed", other)
-    with pytest.raises(StudyError, match="differs between one worker and 2"):
-        make_scaling_page(timed, timed / "runs", seeds=10)
+def test_rounds_are_counted_and_leave_nothing_behind(page: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(scaling, "run_task", nothing)
+    rounds = scaling._rounds(page.parent, 2, 3)
+    assert len(rounds) == 3
+    assert all(of.one > 0.0 and of.every > 0.0 for of in rounds)
+    assert [path.name for path in page.parent.iterdir()] == [page.name]
