@@ -19,7 +19,10 @@ from drivers.rplidar.dense import encode_dense
 from drivers.rplidar.express import encode_express
 from drivers.rplidar.formats import FORMATS, PacketFormat
 from drivers.rplidar.hq import encode_hq
+from drivers.rplidar.lidar import Rplidar
+from drivers.rplidar.reader import RawTap
 from drivers.rplidar.requests import Command, Request, RequestReader
+from drivers.rplidar.revolutions import RevolutionDecoder, ScanStream
 from drivers.rplidar.samples import Join, Samples
 from drivers.rplidar.standard import encode_standard
 from drivers.rplidar.ultra import encode_ultra, optical_offsets
@@ -37,11 +40,15 @@ __all__ = [
     "Health",
     "Join",
     "PacketFormat",
+    "RawTap",
     "Request",
     "RequestReader",
+    "RevolutionDecoder",
+    "Rplidar",
     "SampleDecoder",
     "SampleRate",
     "Samples",
+    "ScanStream",
     "Status",
     "encode_dense",
     "encode_express",

@@ -1,9 +1,11 @@
 """Finds the answer to a request among samples of an earlier scan, boot messages and whatever else comes before it."""
 
+from collections.abc import Mapping
+
 from drivers.rplidar.answers import DESCRIPTOR_SIZE, DESCRIPTOR_SYNC, Answer, Descriptor
 
 MAX_SIZE = 256
-"""Bytes of the longest single answer that is believed."""
+"""Bytes of the longest answer of no fixed size that is believed."""
 
 
 class AnswerSearch:
@@ -11,8 +13,7 @@ class AnswerSearch:
 
     Parameters
     ----------
-    kinds : types of the answer that are accepted.
-    size : bytes of its payload; None where it varies.
+    sizes : types of the answer that are accepted, with the bytes of a packet; None where they vary.
     multiple : the answer is a stream of packets; it is there when its descriptor is.
 
     Attributes
@@ -22,9 +23,8 @@ class AnswerSearch:
     skipped : the bytes before the answer, so far.
     """
 
-    def __init__(self, *kinds: Answer, size: int | None = None, multiple: bool = False) -> None:
-        self._kinds = kinds
-        self._size = size
+    def __init__(self, sizes: Mapping[Answer, int | None], *, multiple: bool = False) -> None:
+        self._sizes = sizes
         self._multiple = multiple
         self._buffer = b""
         self.descriptor: Descriptor | None = None
@@ -58,11 +58,10 @@ class AnswerSearch:
         return self._buffer if self.descriptor is not None else b""
 
     def _expected(self, descriptor: Descriptor) -> bool:
-        return (
-            descriptor.kind in self._kinds
-            and descriptor.multiple == self._multiple
-            and (descriptor.size <= MAX_SIZE if self._size is None else descriptor.size == self._size)
-        )
+        if descriptor.kind not in self._sizes or descriptor.multiple != self._multiple:
+            return False
+        size = self._sizes[Answer(descriptor.kind)]
+        return descriptor.size <= MAX_SIZE if size is None else descriptor.size == size
 
     def _skip(self, count: int) -> None:
         self.skipped += self._buffer[:count]

@@ -15,9 +15,10 @@ class Counts:
     checksum_errors : packets that were there but did not pass their check.
     discontinuities : packets that did not follow the one before, though nothing between them was dropped here.
     restarts : times the device lost its angle after the begin of a scan.
-    revolutions : whole ones.
-    broken_revolutions : whole ones that lack a turn, or hold a part of one only.
-    dropped_revolutions : whole ones that nobody took in time.
+    revolutions : turns from begin to end.
+    patchy_revolutions : those among them that lack packets in between.
+    broken_revolutions : what would have been one by its begin and end, but not by its duration; not among them.
+    dropped_revolutions : those among them that nobody took in time.
     reconnects : times the device was lost and found again.
     """
 
@@ -27,6 +28,7 @@ class Counts:
     discontinuities: int = 0
     restarts: int = 0
     revolutions: int = 0
+    patchy_revolutions: int = 0
     broken_revolutions: int = 0
     dropped_revolutions: int = 0
     reconnects: int = 0

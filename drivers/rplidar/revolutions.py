@@ -1,0 +1,113 @@
+"""Bytes of a scan, with the times at which they came, become revolutions; needs no port, so that it replays as well."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from drivers.rplidar.answers import Answer
+from drivers.rplidar.clock import SampleClock
+from drivers.rplidar.counts import Counts
+from drivers.rplidar.decoder import SampleDecoder
+from drivers.rplidar.formats import FORMATS
+from drivers.rplidar.samples import Join, Samples
+from drivers.rplidar.steady import Steady
+from features.scan import LaserScan
+from features.se2 import Array, wrap_angle
+
+
+@dataclass(frozen=True, slots=True)
+class ScanStream:
+    """What is to be known of a stream of packets to read it.
+
+    Parameters
+    ----------
+    answer : type of the packets.
+    us_per_sample : time from one sample to the next [us].
+    baud : speed of the link [bit/s].
+    """
+
+    answer: Answer
+    us_per_sample: float
+    baud: int
+
+
+class RevolutionDecoder:
+    """Whole revolutions of one scan, from the descriptor to its end.
+
+    A revolution that lost packets is given without their beams. One whose duration is not that of those before lacks a
+    turn, or is a part of one: it is counted and dropped.
+
+    Parameters
+    ----------
+    stream : what the device said of the scan.
+    """
+
+    def __init__(self, stream: ScanStream) -> None:
+        packet_format = FORMATS[stream.answer]
+        self._pending = packet_format.pending
+        self._decoder = SampleDecoder(stream.answer)
+        wire_time = packet_format.size * 10.0 / stream.baud
+        self._clock = SampleClock(stream.us_per_sample * 1e-6, packet_format.samples, wire_time)
+        self._durations = Steady()
+        self._parts: list[tuple[Array, Array, Array]] = []
+        self._begun = self._patchy = False
+        self._counts = Counts()
+
+    @property
+    def counts(self) -> Counts:
+        """What became of the bytes so far."""
+        return self._decoder.counts + self._counts
+
+    def feed(self, data: bytes, time: float) -> list[LaserScan]:
+        """Take bytes in.
+
+        Parameters
+        ----------
+        data : as the device sent them, cut anywhere.
+        time : when they came, on any clock [s].
+
+        Returns
+        -------
+        Revolutions that are complete now: angles counter-clockwise from -pi to pi, rising; each beam with its time; the
+        stamp is that of the last beam, on the clock of ``time``.
+        """
+        scans: list[LaserScan] = []
+        for samples in self._decoder.feed(data):
+            if samples.join is not Join.FOLLOWS:
+                self._clock.reset()
+            self._clock.arrive(int(samples.packets[-1]) + self._pending, time)
+            scans += self._split(samples, self._clock.times(int(samples.packets[0]), len(samples)))
+        return scans
+
+    def _split(self, samples: Samples, times: Array) -> list[LaserScan]:
+        """Cut where revolutions start."""
+        if samples.join is Join.RESTART:
+            self._begun = False
+        self._patchy |= samples.join is Join.GAP
+        scans: list[LaserScan] = []
+        begin = 0
+        for start in samples.starts.nonzero()[0].tolist():
+            self._add(samples, times, begin, start)
+            if self._begun:
+                scans += self._close(times[start])
+            self._parts, self._begun, begin = [], True, start
+            # A gap before the very first sample of a revolution may be one of its own.
+            self._patchy = start == 0 and samples.join is Join.GAP
+        self._add(samples, times, begin, len(samples))
+        return scans
+
+    def _add(self, samples: Samples, times: Array, begin: int, end: int) -> None:
+        if self._begun:
+            self._parts.append((samples.angles_clockwise[begin:end], samples.ranges[begin:end], times[begin:end]))
+
+    def _close(self, end: float) -> list[LaserScan]:
+        clockwise, ranges, times = (np.concatenate(column) for column in zip(*self._parts, strict=True))
+        if not self._durations.agrees(end - times[0]):
+            self._counts += Counts(broken_revolutions=1)
+            return []
+        self._counts += Counts(revolutions=1, patchy_revolutions=self._patchy)
+        angles = wrap_angle(-clockwise)
+        order = np.argsort(angles, kind="stable")
+        stamp = times[-1]
+        ranges = np.where(ranges > 0.0, ranges, np.inf)
+        return [LaserScan(ranges[order], angles[order], float(stamp), (times - stamp)[order])]
