@@ -9,3 +9,7 @@ class LogFormatError(CwlfError):
 
 class RecordError(CwlfError):
     """A recording or an export that cannot be written."""
+
+
+class DriverError(CwlfError):
+    """A device that cannot be used; the message names the port, the cause and what to do."""

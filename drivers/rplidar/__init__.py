@@ -1,0 +1,56 @@
+"""The serial protocol of the RPLIDAR scanners as functions on bytes, and a driver on top of it."""
+
+from drivers.rplidar.answer_search import AnswerSearch
+from drivers.rplidar.answers import (
+    Answer,
+    Conf,
+    Descriptor,
+    DeviceInfo,
+    Health,
+    SampleRate,
+    Status,
+    pack_conf,
+    unpack_name,
+    unpack_number,
+)
+from drivers.rplidar.counts import Counts
+from drivers.rplidar.decoder import SampleDecoder
+from drivers.rplidar.dense import encode_dense
+from drivers.rplidar.express import encode_express
+from drivers.rplidar.formats import FORMATS, PacketFormat
+from drivers.rplidar.hq import encode_hq
+from drivers.rplidar.requests import Command, Request, RequestReader
+from drivers.rplidar.samples import Join, Samples
+from drivers.rplidar.standard import encode_standard
+from drivers.rplidar.ultra import encode_ultra, optical_offsets
+from drivers.rplidar.ultra_dense import encode_ultra_dense
+
+__all__ = [
+    "FORMATS",
+    "Answer",
+    "AnswerSearch",
+    "Command",
+    "Conf",
+    "Counts",
+    "Descriptor",
+    "DeviceInfo",
+    "Health",
+    "Join",
+    "PacketFormat",
+    "Request",
+    "RequestReader",
+    "SampleDecoder",
+    "SampleRate",
+    "Samples",
+    "Status",
+    "encode_dense",
+    "encode_express",
+    "encode_hq",
+    "encode_standard",
+    "encode_ultra",
+    "encode_ultra_dense",
+    "optical_offsets",
+    "pack_conf",
+    "unpack_name",
+    "unpack_number",
+]

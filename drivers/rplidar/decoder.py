@@ -1,0 +1,104 @@
+"""Turns the stream of a scan into samples."""
+
+from dataclasses import replace
+
+import numpy as np
+
+from drivers.rplidar.answers import Answer
+from drivers.rplidar.capsule import last_encoder_q6, restarts, starts_q6
+from drivers.rplidar.counts import Counts
+from drivers.rplidar.formats import FORMATS
+from drivers.rplidar.framing import framer
+from drivers.rplidar.samples import TURN_Q6, Join, Packets, Samples
+from drivers.rplidar.steady import Steady
+
+
+class SampleDecoder:
+    """Samples of a stream of bytes, given as soon as they are complete; never raises, whatever the bytes.
+
+    Parameters
+    ----------
+    answer : type of the packets, by the descriptor that came before them.
+    """
+
+    def __init__(self, answer: Answer) -> None:
+        self._format = FORMATS[answer]
+        self._framer = framer(answer)
+        self._counts = Counts()
+        self._join = Join.RESTART
+        self._received = 0
+        self._waiting: Packets = np.empty(0, self._format.dtype)
+        self._turned = Steady()
+        self._last_encoder = np.nan
+        self._last_angle = np.nan
+
+    @property
+    def counts(self) -> Counts:
+        """What became of the bytes so far."""
+        return self._framer.counts + self._counts
+
+    def feed(self, data: bytes) -> list[Samples]:
+        """Take bytes in.
+
+        Returns
+        -------
+        Samples that are complete now, in their order; what lies between two elements is told by the later's ``join``.
+        """
+        decode = self._nodes if self._format.measure is None else self._capsules
+        return [samples for packets, gap in self._framer.feed(data) for samples in decode(packets, gap)]
+
+    def _nodes(self, packets: Packets, gap: bool) -> list[Samples]:
+        """Decode packets that hold their angles."""
+        if gap:
+            self._lose()
+        samples = self._joined(self._format.decode(packets, self._received))
+        if samples.join is Join.GAP and samples.angles_clockwise[0] < self._last_angle - np.pi:
+            samples.starts[0] = True  # the begin of a revolution was lost
+        self._last_angle = samples.angles_clockwise[-1]
+        self._received += len(packets)
+        return [samples]
+
+    def _capsules(self, packets: Packets, gap: bool) -> list[Samples]:
+        """Decode capsules that have a next one."""
+        if gap:
+            self._lose()
+            self._waiting = self._waiting[:0]
+        old = len(self._waiting)
+        capsules = np.concatenate([self._waiting, packets])
+        first = self._received - old
+        turned = (np.diff(starts_q6(capsules)) % TURN_Q6).tolist()
+        restarted = restarts(capsules).tolist()
+        found: list[Samples] = []
+        begin = 0
+        for k in range(old, len(capsules)):
+            if restarted[k]:
+                found += self._pairs(capsules[begin:k], first + begin)
+                begin = k
+                self._counts += Counts(restarts=first + k > 0)
+                self._join, self._last_encoder, self._turned = Join.RESTART, np.nan, Steady()
+            elif k > begin and not self._turned.agrees(turned[k - 1]):
+                found += self._pairs(capsules[begin:k], first + begin)
+                begin = k
+                self._counts += Counts(discontinuities=1)
+                self._lose()
+        found += self._pairs(capsules[begin:], first + begin)
+        self._waiting = capsules[-1:].copy()
+        self._received += len(packets)
+        return found
+
+    def _pairs(self, capsules: Packets, first: int) -> list[Samples]:
+        if len(capsules) < 2:
+            return []
+        samples = self._joined(self._format.decode(capsules, first, self._last_encoder))
+        self._last_encoder = last_encoder_q6(capsules, self._format.samples)
+        return [samples]
+
+    def _lose(self) -> None:
+        """Note that something is missing before what comes next."""
+        if self._join is Join.FOLLOWS:
+            self._join = Join.GAP
+
+    def _joined(self, samples: Samples) -> Samples:
+        joined = replace(samples, join=self._join)
+        self._join = Join.FOLLOWS
+        return joined

@@ -1,0 +1,67 @@
+"""The packet formats by the type of their answer, and their decoding in bulk."""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from types import MappingProxyType
+
+import numpy as np
+
+from drivers.rplidar import capsule, dense, express, hq, standard, ultra, ultra_dense
+from drivers.rplidar.answers import Answer
+from drivers.rplidar.samples import Flags, Packets, Samples
+
+
+@dataclass(frozen=True, slots=True)
+class PacketFormat:
+    """What is to be known of a packet.
+
+    Parameters
+    ----------
+    dtype : of a packet.
+    samples : in a packet.
+    pending : packets that must follow one before it is decoded.
+    intact : whether each packet, shape (n,), passes its check.
+    measure : what capsules, shape (n + 1,), say of the samples of the first n; None where packets hold their angles.
+    unpack : samples of packets, shape (n,), the first with a number; None for capsules.
+    """
+
+    dtype: np.dtype
+    samples: int
+    pending: int = 1
+    intact: Callable[[Packets], Flags] = capsule.intact
+    measure: Callable[[Packets], capsule.Measured] | None = None
+    unpack: Callable[[Packets, int], Samples] | None = None
+
+    @property
+    def size(self) -> int:
+        """Bytes of a packet."""
+        return self.dtype.itemsize
+
+    def decode(self, packets: Packets, first: int = 0, last_encoder: float = np.nan) -> Samples:
+        """Decode consecutive intact packets; of capsules all but the last, which the next completes.
+
+        Parameters
+        ----------
+        packets : shape (n,), n >= 1, of capsules n >= 2.
+        first : number of the first packet.
+        last_encoder : encoder angle of the sample before, 64ths of a degree; NaN where there is none. For capsules.
+        """
+        if self.unpack is not None:
+            return self.unpack(packets, first)
+        assert self.measure is not None
+        return capsule.decode_pairs(packets, self.measure(packets), first, last_encoder)
+
+
+FORMATS: Mapping[Answer, PacketFormat] = MappingProxyType(
+    {
+        Answer.STANDARD: PacketFormat(
+            standard.DTYPE, 1, standard.LOOKAHEAD, standard.intact, unpack=standard.decode_standard
+        ),
+        Answer.EXPRESS: PacketFormat(express.DTYPE, express.SAMPLES, measure=express.measure),
+        Answer.HQ: PacketFormat(hq.DTYPE, hq.SAMPLES, 0, hq.intact, unpack=hq.decode_hq),
+        Answer.ULTRA: PacketFormat(ultra.DTYPE, ultra.SAMPLES, measure=ultra.measure),
+        Answer.DENSE: PacketFormat(dense.DTYPE, dense.SAMPLES, measure=dense.measure),
+        Answer.ULTRA_DENSE: PacketFormat(ultra_dense.DTYPE, ultra_dense.SAMPLES, measure=ultra_dense.measure),
+    }
+)
+"""Every way samples come."""
