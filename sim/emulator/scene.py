@@ -25,9 +25,7 @@ class Scene:
     lidar: Lidar
     trajectory: Trajectory
 
-    def ranges(
-        self, angles_clockwise: Array, times: Array, max_distance: float, rng: np.random.Generator
-    ) -> Array:
+    def ranges(self, angles_clockwise: Array, times: Array, max_distance: float, rng: np.random.Generator) -> Array:
         """Measure along single beams, each from where the robot is then.
 
         Parameters
@@ -41,8 +39,6 @@ class Scene:
         -------
         Ranges, shape (n,) [m]; 0 where nothing returns.
         """
-        lidar = replace(
-            self.lidar, angles=-angles_clockwise, range_max=min(max_distance, self.lidar.range_max)
-        )
+        lidar = replace(self.lidar, angles=-angles_clockwise, range_max=min(max_distance, self.lidar.range_max))
         ranges = lidar.scan(self.world, self.trajectory.at(times), 0.0, rng).ranges
         return np.where(np.isfinite(ranges), ranges, 0.0)

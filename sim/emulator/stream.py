@@ -1,5 +1,6 @@
 """The samples of one scan, in packets, each with the time at which it arrives."""
 
+import itertools
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -109,7 +110,7 @@ class ScanStream:
         if follows and self._faults.strikes("encoder-reset", time):
             time += self._faults.rng["encoder-reset"].uniform(0.2, 0.9) / max(self._rotor.wanted, 1.0)
             follows = False
-        times = time + self._period * np.arange(self._packets * self._count)
+        times = time + self._period * np.arange(self._packets * self._count, dtype=np.float64)
         self.next_sample = time + self._period * len(times)
         turns = self._rotor.turns(times)
         ranges, offsets, zeroed = self._sample(turns, times)
@@ -117,12 +118,10 @@ class ScanStream:
         for k in range(self._packets):
             part = slice(k * self._count, (k + 1) * self._count)
             drafts.append(
-                _Draft(
-                    times[part], turns[part], ranges[part], offsets[part], follows or k > 0, int(zeroed[part].sum())
-                )
+                _Draft(times[part], turns[part], ranges[part], offsets[part], follows or k > 0, int(zeroed[part].sum()))
             )
         self._held = drafts[-1]
-        return [self._pack(draft, after) for draft, after in zip(drafts, drafts[1:], strict=False)]
+        return [self._pack(draft, after) for draft, after in itertools.pairwise(drafts)]
 
     def _sample(self, turns: Array, times: Array) -> tuple[Array, Array, npt.NDArray[np.bool_]]:
         """Ranges [m], what their angles lag behind the encoder [rad], and whether a fault has taken each."""
@@ -169,7 +168,7 @@ class ScanStream:
         )
 
     def _revolutions(self, draft: _Draft, after: _Draft) -> npt.NDArray[np.int64]:
-        """Number of the revolution of each sample, by the angle that the packets tell."""
+        """Count the revolution of each sample, by the angle that the packets tell, shape (n,)."""
         steps = 65536 if self._mode.answer is Answer.HQ else TURN_Q6
         if self._format.measure is None or not after.follows:
             return np.rint(draft.turns * steps).astype(np.int64) // steps
