@@ -12,6 +12,9 @@ from drivers.rplidar.framing import framer
 from drivers.rplidar.samples import TURN_Q6, Join, Packets, Samples
 from drivers.rplidar.steady import Steady
 
+BACKWARDS = np.radians(10.0)
+"""Angles go back by no more than this within a revolution: the optical offset is at most 8 deg."""
+
 
 class SampleDecoder:
     """Samples of a stream of bytes, given as soon as they are complete; never raises, whatever the bytes.
@@ -52,7 +55,7 @@ class SampleDecoder:
         if gap:
             self._lose()
         samples = self._joined(self._format.decode(packets, self._received))
-        if samples.join is Join.GAP and samples.angles_clockwise[0] < self._last_angle - np.pi:
+        if samples.join is Join.GAP and samples.angles_clockwise[0] < self._last_angle - BACKWARDS:
             samples.starts[0] = True  # the begin of a revolution was lost
         self._last_angle = samples.angles_clockwise[-1]
         self._received += len(packets)

@@ -31,7 +31,10 @@ def framer(answer: Answer) -> "CheckedFramer | NodeFramer":
 
 
 class CheckedFramer:
-    """Frames packets that carry a checksum: one that does not fit is searched, from its second byte on, for the next.
+    """Frames packets that carry a checksum.
+
+    Behind one that does not fit, the stream goes on with the next that does. Where it lies askew of those before, the
+    begin of another must follow: 8 bits of checksum fit by chance once in a few hundred packets.
 
     Parameters
     ----------
@@ -48,6 +51,7 @@ class CheckedFramer:
         self._format = packet_format
         self._sync = sync
         self._rest = b""
+        self._lost = False
         self._skipped = 0  # bytes since the last intact packet
 
     def feed(self, data: bytes) -> list[Stretch]:
@@ -60,7 +64,11 @@ class CheckedFramer:
     def _frame(self, buffer: bytes, found: list[Stretch]) -> bytes:
         """Append what is found; return the bytes that wait for more."""
         at, size = 0, self._format.size
-        while len(buffer) - at >= size:
+        while True:
+            if self._lost:
+                at = self._search(buffer, at)
+                if self._lost:
+                    return buffer[at:]
             packets = np.frombuffer(buffer, self._format.dtype, (len(buffer) - at) // size, at)
             count = _leading(self._format.intact(packets))
             if count:
@@ -68,21 +76,28 @@ class CheckedFramer:
                 self.counts += Counts(packets=count)
                 self._skipped = 0
                 at += count * size
-            if count < len(packets):
-                at = self._search(buffer, at)
-        return buffer[at:]
+            if count == len(packets):
+                return buffer[at:]
+            self._lost = True
 
-    def _search(self, buffer: bytes, damaged: int) -> int:
-        """Begin of the next packet that is intact or not yet complete, else the end of the data."""
+    def _search(self, buffer: bytes, begin: int) -> int:
+        """Find where the stream goes on, or may go on when more is there."""
         size, errors, found = self._format.size, 0, len(buffer)
-        for match in self._sync.finditer(buffer, damaged):
+        for match in self._sync.finditer(buffer, begin):
             at = match.start()
-            if at + size > len(buffer) or self._format.intact(np.frombuffer(buffer, self._format.dtype, 1, at))[0]:
+            end = at + size
+            askew = (self._skipped + at - begin) % size > 0
+            if end + 2 * askew > len(buffer):
                 found = at
                 break
-            errors += (self._skipped + at - damaged) % size == 0
-        self._skipped += found - damaged
-        self.counts += Counts(dropped_bytes=found - damaged, checksum_errors=errors)
+            if self._format.intact(np.frombuffer(buffer, self._format.dtype, 1, at))[0]:
+                if not askew or self._sync.match(buffer, end):
+                    found, self._lost = at, False
+                    break
+            else:
+                errors += not askew
+        self._skipped += found - begin
+        self.counts += Counts(dropped_bytes=found - begin, checksum_errors=errors)
         return found
 
 
