@@ -32,9 +32,15 @@ class Trajectory:
 
         Before the first pose and after the last the robot stands.
         """
-        x, y, headings = self.poses_world_robot.T
-        columns = [np.interp(times, self.stamps, column) for column in (x, y, np.unwrap(headings))]
-        return np.column_stack([columns[0], columns[1], wrap_angle(columns[2])])
+        last = len(self.poses_world_robot) - 1
+        places = np.clip(np.asarray(times) * self.rate, 0, last)
+        before = places.astype(np.int64)
+        starts, ends = self.poses_world_robot[before], self.poses_world_robot[np.minimum(before + 1, last)]
+        steps = ends - starts
+        steps[:, 2] = wrap_angle(steps[:, 2])
+        poses = starts + (places - before)[:, None] * steps
+        poses[:, 2] = wrap_angle(poses[:, 2])
+        return poses
 
 
 @dataclass(frozen=True, slots=True)

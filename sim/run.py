@@ -53,7 +53,7 @@ class SimulatedRun:
     poses_world_robot : true pose of each frame, shape (n, 3) [m, m, rad].
     poses_odom_robot : odometry pose of each frame, shape (n, 3) [m, m, rad]; the first is the true first pose.
     has_scan : whether each frame has a scan, shape (n,).
-    world, lidar, name, sensor, people : as given.
+    world, lidar, name, sensor, trajectory, people : as given.
 
     Raises
     ------
@@ -84,7 +84,7 @@ class SimulatedRun:
         self.lidar = lidar
         self.sensor = sensor
         self.people = tuple(people)
-        self._trajectory = trajectory
+        self.trajectory = trajectory
         self.stamps: Array = trajectory.stamps
         self.poses_world_robot: Array = trajectory.poses_world_robot
         self.poses_odom_robot: Array = odometry.record(self.poses_world_robot, np.random.default_rng(odometry_seed))
@@ -120,7 +120,7 @@ class SimulatedRun:
             stamp = float(self.stamps[index])
             poses = self.poses_world_robot[index]
             if self.lidar.effects.sweep_time > 0.0:
-                poses = self._trajectory.at(stamp + self.lidar.times)
+                poses = self.trajectory.at(stamp + self.lidar.times)
             yield self.lidar.measure(self.world, poses, stamp, rng, self.people)
 
 

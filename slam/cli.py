@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
+from slam.emulate_cli import emulate
 from slam.study_cli import extract_scan, study
 from slam.world_cli import export, simulate, world
 
@@ -170,6 +171,7 @@ def show_config(sensor: Sensor = None, config: Config = None) -> None:
 
 app.command("extract")(extract_scan)
 app.command()(simulate)
+app.command()(emulate)
 app.command()(export)
 app.add_typer(world)
 app.add_typer(study)

@@ -1,0 +1,134 @@
+"""The serial line from a scanner to its host, with what happens to bytes on the way."""
+
+import math
+from collections import deque
+from dataclasses import dataclass
+
+import numpy as np
+
+from drivers.rplidar import FORMATS, Answer
+from sim.emulator.faults import Faults
+from sim.emulator.ledger import Ledger
+from sim.emulator.stream import Packet
+
+STALL_TIME = 2.0
+"""How long a stalled host takes nothing [s]."""
+
+HOST_BUFFER = 1 << 16
+"""What the operating system of a stalled host keeps [bytes]."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Receipt:
+    """To be written into the ledger when the last byte of a packet has arrived."""
+
+    packet: Packet
+    lost: np.ndarray
+    cause: str | None
+    bytes: int
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Piece:
+    time: float
+    data: bytes
+    receipt: _Receipt | None = None
+
+
+class Line:
+    """Bytes on their way to the host, in the order in which they arrive.
+
+    Parameters
+    ----------
+    baud : rate of the line.
+    faults : those of the line and of the host: ``flipped-bytes``, ``lost-bytes``, ``split-reads``, ``stall``.
+    ledger : takes down what arrives and what does not.
+    """
+
+    def __init__(self, baud: int, faults: Faults, ledger: Ledger) -> None:
+        self._baud, self._faults, self._ledger = baud, faults, ledger
+        self._pieces: deque[_Piece] = deque()
+        self._stalled_until, self._stalled_bytes = -math.inf, 0
+
+    def __bool__(self) -> bool:
+        """Whether something is on its way."""
+        return bool(self._pieces)
+
+    @property
+    def next_time(self) -> float:
+        """When the next bytes arrive [s]; inf where none are on their way."""
+        return self._pieces[0].time if self._pieces else math.inf
+
+    def send(self, data: bytes, time: float) -> float:
+        """Send an answer from a time on; when its last byte has been sent [s]."""
+        sent = time + len(data) * 10.0 / self._baud
+        self._enqueue(data, sent, None)
+        return sent
+
+    def send_packet(self, packet: Packet, answer: Answer, *, counted: bool) -> None:
+        """Send packets of a scan; those of a scan that the host has not asked for are not counted."""
+        size, data, cause = FORMATS[answer].size, packet.data, None
+        lost = np.zeros(len(packet.revolutions), dtype=np.bool_)
+        hit = slice(0, 0)
+        if self._faults.strikes("flipped-bytes", packet.time):
+            cause, rng = "flipped-bytes", self._faults.rng["flipped-bytes"]
+            hit = slice(at := int(rng.integers(len(data))), at + 1)
+            data = data[:at] + bytes([data[at] ^ int(rng.integers(1, 256))]) + data[at + 1 :]
+        elif self._faults.strikes("lost-bytes", packet.time):
+            cause, rng = "lost-bytes", self._faults.rng["lost-bytes"]
+            at, count = int(rng.integers(len(data))), int(rng.integers(1, 21))
+            hit = slice(at, min(at + count, len(data)))
+            data = data[: hit.start] + data[hit.stop :]
+        lost[np.arange(hit.start, hit.stop) // size] = True
+        if cause is not None and counted:
+            self._ledger.loss(cause).events += 1
+        self._enqueue(data, packet.time, _Receipt(packet, lost, cause, hit.stop - hit.start) if counted else None)
+
+    def take(self) -> tuple[float, bytes]:
+        """Next bytes, with the time at which they arrive [s]."""
+        piece = self._pieces.popleft()
+        if piece.receipt is not None:
+            self._count(piece.receipt)
+        return piece.time, piece.data
+
+    def cut(self, keep: int = 0) -> bytes:
+        """Take what is on its way off the line; return the first ``keep`` bytes of it."""
+        rest = b"".join(piece.data for piece in self._pieces)[:keep]
+        self._pieces.clear()
+        return rest
+
+    def _enqueue(self, data: bytes, time: float, receipt: _Receipt | None) -> None:
+        if self._faults.strikes("stall", time):
+            self._stalled_until, self._stalled_bytes = time + STALL_TIME, 0
+            self._ledger.loss("stall").events += 1
+        if time < self._stalled_until:
+            self._stalled_bytes += len(data)
+            if self._stalled_bytes > HOST_BUFFER:
+                if receipt is not None:
+                    packet = receipt.packet
+                    receipt = _Receipt(packet, np.ones_like(receipt.lost), "stall", len(packet.data))
+                data = b""
+        first, begin = time - len(data) * 10.0 / self._baud, 0
+        if "split-reads" in self._faults:
+            while len(data) - begin > (size := int(self._faults.rng["split-reads"].integers(1, 17))):
+                begin += size
+                self._append(data[begin - size : begin], first + begin * 10.0 / self._baud, None)
+                self._ledger.loss("split-reads").events += 1
+        self._append(data[begin:], time, receipt)
+
+    def _append(self, data: bytes, time: float, receipt: _Receipt | None) -> None:
+        """Add a piece: not before those that are on their way, nor while the host is stalled."""
+        last = self._pieces[-1].time if self._pieces else -math.inf
+        release = self._stalled_until if time >= self._stalled_until - STALL_TIME else -math.inf
+        self._pieces.append(_Piece(max(time, last, release), data, receipt))
+
+    def _count(self, receipt: _Receipt) -> None:
+        packet, cause = receipt.packet, receipt.cause
+        if cause is not None:
+            self._ledger.loss(cause).bytes += receipt.bytes
+        if packet.zeroed:
+            self._ledger.loss("zero-sectors").samples += packet.zeroed
+        if packet.capsule:
+            self._ledger.packet(packet.revolutions.reshape(-1), packet.follows, cause)
+        else:
+            self._ledger.nodes(packet.revolutions, packet.follows, receipt.lost, cause)

@@ -1,0 +1,125 @@
+"""The command ``cwlf-slam emulate``; heavy imports wait until it runs."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Literal
+
+import typer
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from features.se2 import Array
+    from sim.emulator import Device, Ledger
+    from sim.robot import Trajectory
+
+TRUTH_RATE = 50.0
+"""True poses per second [Hz]."""
+
+
+def emulate(
+    world_name: Annotated[str, typer.Option("--world", help="Name of a built-in world, or file.", show_default=False)],
+    model: Annotated[
+        Literal["S1", "A1", "A2", "A3", "S2"], typer.Option("--model", help="RPLIDAR to be.", case_sensitive=False)
+    ] = "S1",
+    path: Annotated[
+        Path | None,
+        typer.Option("--path", help="Waypoints: lines x,y or JSON; default: the world's path.", show_default=False),
+    ] = None,
+    laps: Annotated[
+        int, typer.Option("--laps", min=1, help="How often to go along the path: there, back, there, and so on.")
+    ] = 1,
+    seed: Annotated[int, typer.Option("--seed", min=0, help="Seed of all that is random.")] = 1,
+    fault: Annotated[
+        list[str] | None,
+        typer.Option("--fault", "--faults", help="Fault to have, or `all`; may be repeated.", show_default=False),
+    ] = None,
+    link: Annotated[
+        Path | None, typer.Option("--link", help="Symbolic link to keep on the device.", show_default=False)
+    ] = None,
+    truth: Annotated[
+        Path | None,
+        typer.Option("--truth", help="Write the true trajectory here at the end (TUM).", show_default=False),
+    ] = None,
+    may_be_open: Annotated[bool, typer.Option("--open", help="Drive although outlines are not closed.")] = False,
+) -> None:
+    """Be an RPLIDAR on a robot in a simulated world, at the end of a pseudo-terminal, until Ctrl-C.
+
+    The robot leaves with the first sample and stands when it is at the end of its path. The device listens at the baud
+    rate of the model. In the end it prints what was sent, and what each fault destroyed of it.
+    """
+    from sim.emulator import FAULTS, MODELS, Device, Scene
+    from sim.emulator.terminal import Terminal
+    from sim.lidar import Lidar
+    from sim.site_run import site_run
+    from sim.sites import find_site
+    from sim.waypoints import read_waypoints
+    from slam.errors import ConfigError
+    from slam.interrupt import Interrupt
+
+    site = find_site(world_name)
+    waypoints = site.waypoints if path is None else read_waypoints(path)
+    if waypoints is not None:
+        waypoints = _laps(waypoints, laps)
+    sensor = "rplidar-s1"
+    run = site_run(site, Lidar.of_preset(sensor), sensor, seed, waypoints, may_be_open=may_be_open)
+    names = set(fault or ())
+    names = set(FAULTS) if "all" in names else names
+    try:
+        device = Device(MODELS[model], Scene(run.world, run.lidar, run.trajectory), seed, names)
+    except ValueError as error:
+        raise ConfigError(f"--fault: {error}") from None
+
+    def say(terminal: str) -> None:
+        typer.echo(f"device: {terminal if link is None else link} ({model} at {device.baud} baud)")
+
+    with Interrupt() as interrupt:
+        with Terminal(device, link, say) as terminal:
+            terminal.serve(lambda: interrupt.requested)
+            end = terminal.now
+        typer.echo("\n".join(_table(device.ledger)))
+        if truth is not None:
+            _write_truth(truth, run.trajectory, device, terminal.started, end)
+            typer.echo(f"truth: {truth}")
+
+
+def _laps(waypoints: Array, laps: int) -> Array:
+    """Waypoints there, back, there, and so on, shape (n, 2) [m]."""
+    import numpy as np
+
+    return np.vstack([waypoints, *((waypoints[-2::-1], waypoints[1:])[k % 2] for k in range(laps - 1))])
+
+
+def _table(ledger: Ledger) -> Iterator[str]:
+    """Lines that tell what was sent and what was lost."""
+    yield f"{'sent':16s} {ledger.packets:10,} packets {ledger.samples:12,} samples {ledger.revolutions:8,} revolutions"
+    if ledger.losses:
+        yield f"{'lost':16s} {'events':>8s} {'bytes':>10s} {'packets':>10s} {'samples':>10s} {'revolutions':>12s}"
+    for cause, loss in sorted(ledger.losses.items()):
+        yield (
+            f"{cause:16s} {loss.events:8,} {loss.bytes:10,} {loss.packets:10,} {loss.samples:10,} "
+            f"{loss.revolutions:12,}"
+        )
+
+
+def _write_truth(path: Path, trajectory: Trajectory, device: Device, started: float, end: float) -> None:
+    """Write the poses of the robot at the times of the host; before its departure it stands.
+
+    Raises
+    ------
+    RecordError
+        The file cannot be written.
+    """
+    import numpy as np
+
+    from drivers.errors import RecordError
+    from slam.trajectory import Trajectory as Stamped
+    from slam.trajectory import write_tum
+
+    times = np.arange(0.0, end, 1.0 / TRUTH_RATE)
+    departure = end if device.departure is None else device.departure
+    try:
+        write_tum(path, Stamped(started + times, trajectory.at(times - departure)))
+    except OSError as error:
+        raise RecordError(f"{path} cannot be written: {error.strerror}") from None
