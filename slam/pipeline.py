@@ -20,7 +20,8 @@ from slam.drifting_pose import Anchor
 from slam.ekf import LandmarkEkf
 from slam.errors import DivergedError
 from slam.front_end import FrontEnd
-from slam.graph import GraphEstimate, LandmarkGraph
+from slam.graph import GraphEstimate
+from slam.graph_journal import JournaledGraph
 from slam.key_frame import KeyFrame, View
 from slam.line_odometry import load_compiled
 from slam.loop_closing import LoopCloser
@@ -57,7 +58,7 @@ class Slam:
     """EKF-SLAM on corners, with a factor graph behind it.
 
     Feed frames in the order of their stamps to :meth:`process`; :meth:`finish` solves the graph and returns the result.
-    The world frame is the odometry frame of the first record.
+    The world frame is the odometry frame of the first record. Pickled and read back it goes on as if nothing had been.
 
     Attributes
     ----------
@@ -68,7 +69,7 @@ class Slam:
         self.config = config
         self._estimate: GraphEstimate | None = None
         self._sensor = config.sensor.model()
-        self._graph = LandmarkGraph(config.back_end.cauchy_scale)
+        self._graph = JournaledGraph(config.back_end.cauchy_scale)
         self._closer = LoopCloser(loop_rules(config))
         self._front_end: FrontEnd | None = None
         self._records = Records()
