@@ -117,7 +117,12 @@ def run(
 
     source = open_log(log)
     effective = load_config(
-        config, preset=sensor, source_preset=source.sensor, source_mounting=source.mounting, seed=seed
+        config,
+        preset=sensor,
+        source_preset=source.sensor,
+        source_mounting=source.mounting,
+        source_odometry=source.has_odometry,
+        seed=seed,
     )
     with claimed(out or default_folder(source.name, datetime.now()), overwrite=overwrite) as folder:
         result, error = _process(source, effective, limit)

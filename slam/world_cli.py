@@ -130,6 +130,12 @@ def export(
     if out.exists() and not overwrite:
         raise RecordError(f"{out} is there already: choose another name or give --overwrite")
     source = open_log(log)
+    if not source.has_odometry:
+        typer.echo(
+            "cwlf-slam: a CARMEN log cannot say that there is no odometry, all its poses are the origin: "
+            'run it with source = "lines" in [odometry]',
+            err=True,
+        )
     sensor = load_config(None, source_preset=source.sensor).sensor
     write_carmen(out, source, source.mounting, sensor.range_max_m)
     typer.echo(f"{to}: {out}")
