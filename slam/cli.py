@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
+from slam.cli_options import LOG, OdomTopic, ScanTopic
 from slam.study_cli import extract_scan, study
 from slam.world_cli import export, simulate, world
 
@@ -97,8 +98,11 @@ def demo(
 @app.command()
 def run(
     log: Annotated[
-        Path, typer.Argument(help="Recording, or CARMEN log (.clf or .log, also gzipped).", show_default=False)
+        Path,
+        typer.Argument(help=LOG, show_default=False),
     ],
+    scan_topic: ScanTopic = None,
+    odom_topic: OdomTopic = None,
     sensor: Sensor = None,
     config: Config = None,
     out: Out = None,
@@ -115,7 +119,7 @@ def run(
     from slam.config import load_config
     from slam.run_folder import claimed, default_folder
 
-    source = open_log(log)
+    source = open_log(log, scan_topic=scan_topic, odom_topic=odom_topic)
     effective = load_config(
         config,
         preset=sensor,
