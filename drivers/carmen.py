@@ -71,6 +71,11 @@ class CarmenLog:
         return self._mounting
 
     @property
+    def has_odometry(self) -> bool:
+        """Every record of a CARMEN log has its odometry pose."""
+        return True
+
+    @property
     def progress(self) -> float:
         """Share of the file's bytes, compressed ones if it is compressed, that has been read, 0 to 1."""
         return self._reader.progress

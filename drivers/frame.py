@@ -16,7 +16,7 @@ class Frame:
     Parameters
     ----------
     stamp : time of the record [s].
-    pose_odom_robot : odometry pose, shape (3,) [m, m, rad].
+    pose_odom_robot : odometry pose, shape (3,) [m, m, rad]; the origin where the source has no odometry.
     scan : sensor frame; None for a record of odometry only.
     """
 
@@ -44,6 +44,11 @@ class FrameSource(Protocol):
     @property
     def mounting(self) -> Mounting:
         """Where the sensor sits on the robot, as far as the source says so; known before the first frame."""
+        ...
+
+    @property
+    def has_odometry(self) -> bool:
+        """Whether the poses of the frames tell the motion; without odometry they are all the origin."""
         ...
 
     @property

@@ -33,6 +33,7 @@ class Recorder:
     name : what is recorded, a short name fit for a folder.
     sensor : name of the sensor preset that fits the frames.
     mounting : where the sensor sits on the robot.
+    odometry : whether the poses of the frames tell the motion.
     walls : the walls that the sensor sees, world frame, shape (n, 4) [m], where they are known.
     glass : whether each wall is of glass, shape (n,).
     overwrite : replace a file that is there.
@@ -50,6 +51,7 @@ class Recorder:
         name: str,
         sensor: str,
         mounting: Mounting,
+        odometry: bool = True,
         walls: Array | None = None,
         glass: Sequence[bool] | np.ndarray = (),
         overwrite: bool = False,
@@ -68,7 +70,7 @@ class Recorder:
         # No time and no name in the header of the data, so that they depend on the frames alone.
         self._gzip = gzip.GzipFile(filename="", mode="wb", fileobj=self._file, mtime=0)
         place = MountingRecord(x=mounting.x, y=mounting.y, theta=mounting.theta, upside_down=mounting.upside_down)
-        self._write(Header(name=name, sensor=sensor, mounting=place).model_dump())
+        self._write(Header(name=name, sensor=sensor, mounting=place, odometry=odometry).model_dump())
         for k, wall in enumerate(() if walls is None else walls.tolist()):
             self._write({"wall": wall} | ({"glass": True} if len(glass) and glass[k] else {}))
         self._flush()

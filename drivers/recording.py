@@ -47,6 +47,7 @@ class Header(_Record):
     name: str = Field(min_length=1)
     sensor: str = Field(min_length=1)
     mounting: MountingRecord = MountingRecord()
+    odometry: bool = True
 
 
 class Recording:
@@ -96,6 +97,11 @@ class Recording:
     def mounting(self) -> Mounting:
         """Where the sensor sat on the robot."""
         return Mounting(**self._header.mounting.model_dump())
+
+    @property
+    def has_odometry(self) -> bool:
+        """Whether the recorded poses tell the motion."""
+        return self._header.odometry
 
     @property
     def progress(self) -> float:

@@ -97,6 +97,11 @@ class SimulatedRun:
         return self.lidar.mounting
 
     @property
+    def has_odometry(self) -> bool:
+        """A simulated robot has wheels."""
+        return True
+
+    @property
     def progress(self) -> float:
         """Share of the frames that the latest iteration has yielded, 0 to 1."""
         return self._yielded / len(self)

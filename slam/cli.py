@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
+from slam.cli_options import LOG, OdomTopic, ScanTopic
 from slam.emulate_cli import emulate
 from slam.study_cli import extract_scan, study
 from slam.world_cli import export, simulate, world
@@ -100,8 +101,11 @@ def demo(
 @app.command()
 def run(
     log: Annotated[
-        Path, typer.Argument(help="Recording, or CARMEN log (.clf or .log, also gzipped).", show_default=False)
+        Path,
+        typer.Argument(help=LOG, show_default=False),
     ],
+    scan_topic: ScanTopic = None,
+    odom_topic: OdomTopic = None,
     sensor: Sensor = None,
     config: Config = None,
     out: Out = None,
@@ -126,11 +130,16 @@ def run(
 
     if resume and (out is None or overwrite):
         raise typer.BadParameter("give the stopped run with --out, and no --overwrite", param_hint="--resume")
-    source = open_log(log)
+    source = open_log(log, scan_topic=scan_topic, odom_topic=odom_topic)
 
     def asked() -> SlamConfig:
         return load_config(
-            config, preset=sensor, source_preset=source.sensor, source_mounting=source.mounting, seed=seed
+            config,
+            preset=sensor,
+            source_preset=source.sensor,
+            source_mounting=source.mounting,
+            source_odometry=source.has_odometry,
+            seed=seed,
         )
 
     if out is not None and resume:

@@ -201,6 +201,7 @@ def load_config(
     preset: str | None = None,
     source_preset: str = "sick-lms",
     source_mounting: Mounting = Mounting(),  # noqa: B008, frozen
+    source_odometry: bool = True,
     seed: int | None = None,
 ) -> SlamConfig:
     """Put a configuration together: the sensor preset, over it the TOML file, over it what the caller names.
@@ -210,12 +211,14 @@ def load_config(
     path : TOML file with any subset of the keys; None for the defaults.
     preset : sensor that the user asked for; None to take the file's, else the source's.
     source_preset, source_mounting : what the source says of its sensor.
+    source_odometry : whether the source has odometry; without, ``odometry.source`` is ``lines``.
     seed : overrides the file's.
 
     Raises
     ------
     ConfigError
-        The file cannot be read, a key is unknown, a value is out of its limits or contradicts another.
+        The file cannot be read, a key is unknown, a value is out of its limits or contradicts another, or the odometry
+        that it asks for is not there.
     """
     given: dict[str, Any] = _read_toml(path) if path else {}
     where = f"{path}: " if path else ""
@@ -230,10 +233,12 @@ def load_config(
     chosen = next(name for name in (preset, file_preset, source_preset) if name is not None)
     try:
         base = SlamConfig.of_preset(chosen, source_mounting).model_dump()
+        if not source_odometry:
+            base["odometry"]["source"] = "lines"
         merged = _overlay(base, given)
         if seed is not None:
             merged["seed"] = seed
-        return SlamConfig.model_validate(merged)
+        config = SlamConfig.model_validate(merged)
     except ValidationError as error:
         first = error.errors(include_url=False)[0]
         key = ".".join(str(part) for part in first["loc"])
@@ -241,6 +246,11 @@ def load_config(
         raise ConfigError(f"{where}{key}: {reason}") from None
     except ValueError as error:
         raise ConfigError(f"{where}sensor.preset: {error}") from None
+    if not source_odometry and config.odometry.source != "lines":
+        raise ConfigError(
+            f'{where}odometry.source is "{config.odometry.source}" but the log has no odometry: expected "lines"'
+        )
+    return config
 
 
 def check_same(before: SlamConfig, now: SlamConfig, whose: str) -> None:

@@ -9,6 +9,8 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
+from slam.cli_options import LOG, OdomTopic, ScanTopic
+
 if TYPE_CHECKING:
     from distributed import Client
     from pydantic import BaseModel
@@ -157,8 +159,10 @@ def scaling(
 
 
 def extract_scan(
-    log: Annotated[Path, typer.Argument(help="Recording, or CARMEN log.", show_default=False)],
+    log: Annotated[Path, typer.Argument(help=LOG, show_default=False)],
     scan: Annotated[int, typer.Option("--scan", min=0, help="Number of the scan, the first is 0.", show_default=False)],
+    scan_topic: ScanTopic = None,
+    odom_topic: OdomTopic = None,
     plot: Annotated[Path | None, typer.Option("--plot", help="PNG file to draw.", show_default=False)] = None,
     sensor: Annotated[
         str | None,
@@ -173,7 +177,7 @@ def extract_scan(
     from slam.config import load_config
     from slam.study.one_scan import feature_lines, scan_features
 
-    source = open_log(log)
+    source = open_log(log, scan_topic=scan_topic, odom_topic=odom_topic)
     effective = load_config(config, preset=sensor, source_preset=source.sensor, source_mounting=source.mounting)
     taken, features = scan_features(source, scan, effective)
     typer.echo("\n".join(feature_lines(taken, features)))

@@ -64,6 +64,14 @@ def assert_same(read, frame):
             np.testing.assert_array_equal(read.scan.times, frame.scan.times)
 
 
+@pytest.mark.parametrize("odometry", [True, False])
+def test_a_recording_tells_whether_its_poses_are_odometry(tmp_path, odometry):
+    path = record(
+        tmp_path / "r", [(Frame(0.0, np.zeros(3), LaserScan(np.ones(2), np.arange(2.0))), None)], odometry=odometry
+    )
+    assert Recording(path).has_odometry is odometry
+
+
 @settings(derandomize=True, deadline=None)
 @given(drawn=drives())
 def test_what_is_written_is_read(drawn, tmp_path_factory):

@@ -148,6 +148,24 @@ def test_a_wrong_value_is_named_with_file_and_key(write, content, key, reason):
     assert "\n" not in message
 
 
+def test_a_source_without_odometry_is_run_on_its_lines(write):
+    assert load_config(None).odometry.source == "line-aided"
+    assert load_config(None, source_odometry=False).odometry.source == "lines"
+    path = write("[odometry]\nkey_frames = 7\n")
+    odometry = load_config(path, source_odometry=False).odometry
+    assert (odometry.source, odometry.key_frames) == ("lines", 7)
+    assert load_config(write('[odometry]\nsource = "lines"\n')).odometry.source == "lines"
+
+
+@pytest.mark.parametrize("wanted", ["wheel", "line-aided"])
+def test_wheels_that_are_not_there_are_an_error(write, wanted):
+    path = write(f'[odometry]\nsource = "{wanted}"\n')
+    assert load_config(path).odometry.source == wanted
+    with pytest.raises(ConfigError) as raised:
+        load_config(path, source_odometry=False)
+    assert str(raised.value) == (f'{path}: odometry.source is "{wanted}" but the log has no odometry: expected "lines"')
+
+
 def test_a_preset_that_the_file_contradicts_is_an_error(write):
     path = write(OTHER)
     with pytest.raises(ConfigError, match=r"own\.toml: sensor\.preset is 'rplidar-s1' but .* 'sick-lms': drop one"):
