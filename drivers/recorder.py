@@ -4,8 +4,9 @@ import gzip
 import json
 import os
 import zlib
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
+from threading import Lock
 from types import TracebackType
 from typing import Any, Self
 
@@ -20,12 +21,16 @@ from features.sensor import Mounting
 FLUSH_EVERY = 50
 """What a killed process leaves lacks no more than this many of its last frames."""
 
+FLUSH_INTERVAL = 1.0
+"""Nor does it lack more than this of its frames by their stamps [s]."""
+
 
 class Recorder:
     """A recording that is being written; a context manager.
 
     Frames go to the disk as they come, so that memory does not grow and a process that is killed leaves all but its
-    last :data:`FLUSH_EVERY` frames. The same frames give the same bytes.
+    last frames, :data:`FLUSH_EVERY` or those of the last :data:`FLUSH_INTERVAL`. The same frames give the same bytes.
+    Threads may share it.
 
     Parameters
     ----------
@@ -57,7 +62,9 @@ class Recorder:
         overwrite: bool = False,
     ) -> None:
         self._path = Path(path)
-        self._frames = 0
+        self._lock = Lock()
+        self._unflushed = 0
+        self._flushed = -np.inf
         self._angles: Array | None = None
         self._times: Array | None = None
         try:
@@ -93,18 +100,20 @@ class Recorder:
                 times = {} if scan.times is None else {"times": scan.times.tolist()}
                 content["beams"] = {"angles": scan.angles.tolist()} | times
             record["scan"] = content
-        self._write(record)
-        self._frames += 1
-        if self._frames % FLUSH_EVERY == 0:
-            self._flush()
+        self._append(record, frame.stamp)
+
+    def note(self, record: Mapping[str, Any], stamp: float) -> None:
+        """Add a line that is no frame, and over which a reader of frames passes; it came at ``stamp`` [s]."""
+        self._append(record, stamp)
 
     def close(self) -> None:
         """Write what is left and close the file."""
-        try:
-            self._gzip.close()
-            self._file.close()
-        except OSError as error:
-            raise RecordError(f"{self._path}: cannot be written: {error.strerror or error}") from None
+        with self._lock:
+            try:
+                self._gzip.close()
+                self._file.close()
+            except OSError as error:
+                raise RecordError(f"{self._path}: cannot be written: {error.strerror or error}") from None
 
     def __enter__(self) -> Self:
         return self
@@ -114,7 +123,15 @@ class Recorder:
     ) -> None:
         self.close()
 
-    def _write(self, record: dict[str, Any]) -> None:
+    def _append(self, record: Mapping[str, Any], stamp: float) -> None:
+        with self._lock:
+            self._write(record)
+            self._unflushed += 1
+            if self._unflushed == FLUSH_EVERY or not 0.0 <= stamp - self._flushed < FLUSH_INTERVAL:
+                self._flush()
+                self._unflushed, self._flushed = 0, stamp
+
+    def _write(self, record: Mapping[str, Any]) -> None:
         try:
             self._gzip.write(json.dumps(record, separators=(",", ":"), allow_nan=False).encode() + b"\n")
         except OSError as error:

@@ -26,6 +26,10 @@ logger = logging.getLogger(__name__)
 FORMAT: Literal["cwlf-recording"] = "cwlf-recording"
 
 
+OTHER_LINES = frozenset({"wall", "stream", "bytes"})
+"""Keys of lines that are no frames: walls, and the raw bytes of a scanner."""
+
+
 class _Record(BaseModel):
     model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False, strict=True)
 
@@ -137,7 +141,7 @@ class Recording:
         times: Array | None = None
         stamp, scans = -math.inf, 0
         for line, record in self._open():
-            if "wall" in record:
+            if not OTHER_LINES.isdisjoint(record):
                 continue
             try:
                 if (scan := record.get("scan")) and (beams := scan.get("beams")):
@@ -159,6 +163,17 @@ class Recording:
             yield frame, true
         if not scans:
             raise LogFormatError(f"{self._path} has no scan: expected frames with scans")
+
+    def lines(self) -> Iterator[tuple[int, dict[str, Any]]]:
+        """Yield the number and the content of every line behind the header, as they are.
+
+        Raises
+        ------
+        LogFormatError
+            A line is unusable; those before are yielded first.
+        """
+        for line, record in self._open():
+            yield line.number, record
 
     def _open(self) -> Iterator[tuple[LogLine, dict[str, Any]]]:
         """Read the header, and return the records from there on."""

@@ -17,3 +17,7 @@ class RunFolderError(CwlfError):
 
 class StudyError(CwlfError):
     """A study whose tasks cannot be done, or not all of them."""
+
+
+class ViewError(CwlfError):
+    """A view that cannot be shown."""

@@ -95,6 +95,11 @@ class Slam:
         return self._records.scans
 
     @property
+    def stamp(self) -> float:
+        """Stamp of the last frame [s]."""
+        return self._records.stamps[-1]
+
+    @property
     def filter(self) -> LandmarkEkf:
         """The filter as it is now, to look at: of the pose at the last update and the landmarks near it."""
         return self._front.ekf
@@ -158,7 +163,10 @@ class Slam:
     def _extract(self, scan: LaserScan) -> View:
         with self._clock.timed("extract"):
             if self.config.front_end.deskew:
-                scan = deskew_by_odometry(scan, self._sensor, self._records.stamps, self._records.poses_odom)
+                # Without wheels the poses found so far tell how the robot moves.
+                alone = self.config.odometry.source == "lines"
+                poses = self._records.poses_map if alone else self._records.poses_odom
+                scan = deskew_by_odometry(scan, self._sensor, self._records.stamps, poses)
             features = extract(scan, self._sensor, self.config.extraction)
             return View(scan, features, features.corners.to_robot(self._sensor.mounting))
 

@@ -1,9 +1,11 @@
 """A source run through SLAM: with progress, checkpoints, and an early end where it is asked for or the data break."""
 
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
+from types import TracebackType
+from typing import Protocol, Self
 
 from drivers.frame import Frame, FrameSource
 from features.errors import CwlfError
@@ -11,7 +13,7 @@ from slam.checkpoint import Stand, discard_checkpoint, write_checkpoint
 from slam.errors import DivergedError, RunFolderError
 from slam.frame_digest import extend_digest
 from slam.interrupt import Interrupt
-from slam.pipeline import Slam
+from slam.pipeline import Slam, Step
 from slam.progress import RunProgress
 from slam.result import SlamResult
 
@@ -20,6 +22,28 @@ LEAST_INTERVAL_S = 10.0
 
 LEAST_SHARE = 30.0
 """How many times as long as writing it took a checkpoint has to be ago before the next."""
+
+
+class Progress(Protocol):
+    """Tells a person how far a run is; a context manager."""
+
+    def __enter__(self) -> Self: ...
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None: ...
+
+    def update(self, share: float, count: int) -> None:
+        """Show that ``share`` of all, 0 to 1, is done, and so many scans."""
+        ...
+
+    def solving(self) -> None:
+        """Show that the source is done and the graph is being solved."""
+        ...
+
+    def say(self, line: str) -> None:
+        """Print a line."""
+        ...
 
 
 @dataclass(slots=True)
@@ -31,11 +55,15 @@ class Session:
     slam : as it is before the next frame.
     stand : the frames that it has processed.
     folder : where checkpoints go; None for a run that is not kept.
+    progress : tells how far it is; None for a bar.
+    watch : sees every frame and what it did.
     """
 
     slam: Slam
     stand: Stand
     folder: Path | None = None
+    progress: Progress | None = None
+    watch: Callable[[Frame, Step], None] | None = None
 
     def run(self, source: FrameSource, limit: int | None = None) -> tuple[SlamResult, CwlfError | None]:
         """Process frames until the source ends or breaks, a signal comes or ``limit`` scans are done; then solve.
@@ -57,7 +85,7 @@ class Session:
         error: CwlfError | None = None
         complete = False
         with Interrupt() as interrupt:
-            with RunProgress(source.name) as progress:
+            with self.progress or RunProgress(source.name) as progress:
                 frames = interrupt.until(self._following(source))
                 try:
                     complete = self._process(frames, source, progress, limit)
@@ -75,13 +103,15 @@ class Session:
                 progress.solving()
             return self.slam.finish(interrupted=interrupt.requested), error
 
-    def _process(self, frames: Iterator[Frame], source: FrameSource, progress: RunProgress, limit: int | None) -> bool:
+    def _process(self, frames: Iterator[Frame], source: FrameSource, progress: Progress, limit: int | None) -> bool:
         """Process frames; whether they came to their end."""
         due = time.monotonic() + LEAST_INTERVAL_S
         for frame in frames:
             if self.slam.scans == limit:
                 return False
-            self.slam.process(frame)
+            step = self.slam.process(frame)
+            if self.watch is not None:
+                self.watch(frame, step)
             if self.folder is not None:
                 digest = extend_digest(self.stand.digest, frame)
                 self.stand = replace(self.stand, records=self.stand.records + 1, digest=digest)

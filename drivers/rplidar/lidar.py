@@ -100,6 +100,11 @@ class Rplidar:
         return self._mounting
 
     @property
+    def has_odometry(self) -> bool:
+        """False: a scanner has no wheels."""
+        return False
+
+    @property
     def progress(self) -> float:
         """Zero: a live source has no end."""
         return 0.0
