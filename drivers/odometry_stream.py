@@ -65,7 +65,8 @@ class OdometryStream:
                 self._changed.wait_for(lambda: self._poses or self._ended, FIRST_PATIENCE)
             if not self._poses:
                 raise DriverError(f"{self._path}: no odometry came: expected lines of `stamp x y theta`")
-            self._changed.wait_for(lambda: self._ended or self._poses[-1][0] >= stamp, 0.0 if self._silent else PATIENCE)
+            patience = 0.0 if self._silent else PATIENCE
+            self._changed.wait_for(lambda: self._ended or self._poses[-1][0] >= stamp, patience)
             poses = self._poses
             late = stamp - poses[-1][0]
             if self._silent is not (late > SILENCE):

@@ -10,15 +10,15 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
-from slam.cli_options import LOG, OdomTopic, ScanTopic
+from slam.cli_options import LOG, Config, OdomTopic, Out, Overwrite, ScanTopic, Sensor
 from slam.emulate_cli import emulate
+from slam.finish_cli import leave, save
+from slam.live_cli import live, record, replay
 from slam.study_cli import extract_scan, study
 from slam.world_cli import export, simulate, world
 
 if TYPE_CHECKING:
-    from features.errors import CwlfError
     from slam.config import SlamConfig
-    from slam.result import SlamResult
 
 app = typer.Typer(
     name="cwlf-slam",
@@ -28,16 +28,6 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
 )
 
-Out = Annotated[Path | None, typer.Option("--out", help="Run folder; default runs/<name>-<date>.", show_default=False)]
-Overwrite = Annotated[bool, typer.Option("--overwrite", help="Write into the run folder although it is not empty.")]
-Sensor = Annotated[
-    str | None,
-    typer.Option("--sensor", help="Sensor preset: rplidar-s1 or sick-lms; default: the source's.", show_default=False),
-]
-Config = Annotated[
-    Path | None,
-    typer.Option("--config", help="TOML file with any of the keys that `cwlf-slam config` prints."),
-]
 Json = Annotated[bool, typer.Option("--json", help="Print JSON.")]
 
 
@@ -88,14 +78,14 @@ def demo(
         result, error = Session(Slam(config), Stand(source.name)).run(source)
         evaluation = evaluate_simulated(source, result)
         metrics = replace(result.metrics, ate_rmse_m=evaluation.ate_rmse_m, landmark_rmse_m=evaluation.landmark_rmse_m)
-        _save(folder, "Simulated room", replace(result, metrics=metrics), error)
+        save(folder, "Simulated room", replace(result, metrics=metrics), error)
     rmse = evaluation.landmark_rmse_m
     typer.echo(
         f"ATE {evaluation.ate_rmse_m:.4f} m (odometry alone {evaluation.odometry_ate_rmse_m:.3f} m), "
         f"landmark RMSE {'unknown' if rmse is None else f'{rmse:.4f} m'}, "
         f"{evaluation.corners_mapped} of {evaluation.corners} corners of the room on the map"
     )
-    _leave(result)
+    leave(result)
 
 
 @app.command()
@@ -152,8 +142,8 @@ def run(
         if not resume:
             discard_checkpoint(folder)
         result, error = Session(slam, stand, folder).run(source, limit)
-        _save(folder, source.name, result, error)
-    _leave(result)
+        save(folder, source.name, result, error)
+    leave(result)
 
 
 @app.command()
@@ -202,32 +192,12 @@ def show_config(sensor: Sensor = None, config: Config = None) -> None:
 app.command("extract")(extract_scan)
 app.command()(simulate)
 app.command()(emulate)
+app.command()(live)
+app.command()(record)
+app.command()(replay)
 app.command()(export)
 app.add_typer(world)
 app.add_typer(study)
-
-
-def _save(folder: Path, title: str, result: SlamResult, error: CwlfError | None) -> None:
-    from slam.interrupt import Interrupt
-    from slam.run_folder import save_run
-
-    with Interrupt():  # a Ctrl-C that comes now finds the folder complete
-        save_run(folder, result, title)
-    if error is not None:
-        raise type(error)(f"{error} (what came before is in {folder})")
-    metrics = result.metrics
-    typer.echo(
-        f"{metrics.scans} scans, {metrics.duration_s:.0f} s of data in {metrics.wall_s:.1f} s "
-        f"({metrics.times_real_time:.0f} times real time), {metrics.landmarks} landmarks, "
-        f"{metrics.key_frames} key frames"
-    )
-    typer.echo(f"run folder: {folder}")
-
-
-def _leave(result: SlamResult) -> None:
-    if result.metrics.interrupted:
-        typer.echo("cwlf-slam: interrupted; the run folder holds what was done so far", err=True)
-        raise typer.Exit(130)
 
 
 if __name__ == "__main__":

@@ -1,5 +1,6 @@
-"""Options of every command that reads a log."""
+"""Options that several commands share."""
 
+from pathlib import Path
 from typing import Annotated
 
 import typer
@@ -15,4 +16,15 @@ OdomTopic = Annotated[
     typer.Option(
         "--odom-topic", help="Odometry of a ROS bag; default: the only one, else tf, else none.", show_default=False
     ),
+]
+
+Out = Annotated[Path | None, typer.Option("--out", help="Run folder; default runs/<name>-<date>.", show_default=False)]
+Overwrite = Annotated[bool, typer.Option("--overwrite", help="Write into the run folder although it is not empty.")]
+Sensor = Annotated[
+    str | None,
+    typer.Option("--sensor", help="Sensor preset: rplidar-s1 or sick-lms; default: the source's.", show_default=False),
+]
+Config = Annotated[
+    Path | None,
+    typer.Option("--config", help="TOML file with any of the keys that `cwlf-slam config` prints."),
 ]

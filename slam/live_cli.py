@@ -13,7 +13,7 @@ from slam.finish_cli import leave, save
 if TYPE_CHECKING:
     from drivers.frame import FrameSource
     from drivers.recorder import Recorder
-    from drivers.rplidar import RawTap, Rplidar
+    from drivers.rplidar import Rplidar
     from slam.pipeline import Slam
     from slam.session import Progress, Session
 
@@ -66,22 +66,150 @@ def live(
     import time
     from datetime import datetime
 
-    from drivers.recorder import Recorder
     from drivers.rplidar import RawRecorder, Rplidar
     from drivers.stages import Recorded
+    from slam.config import load_config
     from slam.live_progress import LiveProgress
+    from slam.pipeline import Slam
     from slam.run_folder import claimed, default_folder
 
-    tap = _LateTap()
-    with Rplidar(port, mode=mode, rpm=rpm, baud=baud, tap=tap) as lidar:
+    Slam(load_config(config, preset=sensor))  # what is compiled is there before the motor turns
+    with Rplidar(port, mode=mode, rpm=rpm, baud=baud) as lidar:
         source = _with_odometry(lidar, odometry)
         slam = _slam(source, sensor, config)
         with claimed(out or default_folder(f"live-{lidar.name}", datetime.now()), overwrite=overwrite) as folder:
-            with _recorder(Recorder, folder / RECORDING, source, overwrite=overwrite) as recorder:
-                tap.open(RawRecorder(recorder))
+            with _recorder(folder / RECORDING, source, overwrite=overwrite) as recorder:
+                lidar.start(RawRecorder(recorder))
                 progress = LiveProgress(lidar.name, slam, lambda: lidar.counts, time.time)
                 session = _session(slam, source, progress, view=view, view_file=view_file)
                 result, error = session.run(Recorded(source, recorder), limit)
                 lidar.close()
             save(folder, f"live {lidar.name}", result, error)
     leave(result)
+
+
+def record(
+    out: Annotated[Path, typer.Option("--out", help="Recording to write, such as hall.jsonl.gz.", show_default=False)],
+    port: Port = None,
+    mode: Mode = None,
+    rpm: Rpm = None,
+    baud: Baud = None,
+    odometry: Odometry = None,
+    limit: Limit = None,
+    overwrite: Overwrite = False,
+) -> None:
+    """Record a scanner until Ctrl-C: its bytes as they come, and the scans that they make.
+
+    What a killed recording leaves is readable up to its last second.
+    """
+    from drivers.rplidar import RawRecorder, Rplidar
+    from drivers.stages import Recorded
+    from slam.interrupt import Interrupt
+    from slam.live_progress import LiveProgress
+
+    scans, seconds = 0, 0.0
+    with Rplidar(port, mode=mode, rpm=rpm, baud=baud) as lidar:
+        source = _with_odometry(lidar, odometry)
+        with (
+            _recorder(out, source, overwrite=overwrite) as recorder,
+            Interrupt() as interrupt,
+            LiveProgress(lidar.name, counts=lambda: lidar.counts) as progress,
+        ):
+            lidar.start(RawRecorder(recorder))
+            first: float | None = None
+            for frame in interrupt.until(Recorded(source, recorder)):
+                scans += 1
+                first = frame.stamp if first is None else first
+                seconds = frame.stamp - first
+                progress.update(source.progress, scans)
+                if scans == limit:
+                    break
+            lidar.close()
+        counts = lidar.counts
+    typer.echo(
+        f"{scans} scans, {seconds:.0f} s of data; {counts.dropped_bytes} bytes and {counts.broken_revolutions} "
+        f"revolutions lost, {counts.reconnects} reconnects"
+    )
+    typer.echo(f"recording: {out}")
+
+
+def replay(
+    recording: Annotated[Path, typer.Argument(help="Recording of `record` or `live`, or any.", show_default=False)],
+    speed: Annotated[
+        float, typer.Option("--speed", min=0.0, help="How many times as fast as it was taken; 0: as fast as it goes.")
+    ] = 1.0,
+    sensor: Sensor = None,
+    config: Config = None,
+    out: Out = None,
+    limit: Limit = None,
+    view: View = False,
+    view_file: ViewFile = None,
+    overwrite: Overwrite = False,
+) -> None:
+    """Map a recording as if it were live: from the bytes of the scanner where they were kept, else from its scans."""
+    from datetime import datetime
+
+    from drivers.recording import Recording
+    from drivers.rplidar import RawRecording
+    from drivers.rplidar.raw_recording import has_raw_bytes
+    from drivers.stages import Paced
+    from slam.live_progress import LiveProgress
+    from slam.run_folder import claimed, default_folder
+
+    kept = Recording(recording)
+    raw = RawRecording(recording) if has_raw_bytes(kept) else None
+    source = kept if raw is None else raw
+    slam = _slam(source, sensor, config)
+    with claimed(out or default_folder(f"replay-{source.name}", datetime.now()), overwrite=overwrite) as folder:
+        progress = LiveProgress(source.name, slam, None if raw is None else lambda: raw.counts)
+        session = _session(slam, source, progress, view=view, view_file=view_file)
+        result, error = session.run(Paced(source, speed) if speed > 0.0 else source, limit)
+        save(folder, f"replay {source.name}", result, error)
+    leave(result)
+
+
+def _with_odometry(lidar: Rplidar, odometry: str | None) -> FrameSource:
+    from drivers.odometry_stream import OdometryStream
+    from drivers.stages import WithOdometry
+
+    return lidar if odometry is None else WithOdometry(lidar, OdometryStream(odometry))
+
+
+def _recorder(path: Path, source: FrameSource, *, overwrite: bool) -> Recorder:
+    from drivers.recorder import Recorder
+
+    return Recorder(
+        path,
+        name=source.name,
+        sensor=source.sensor,
+        mounting=source.mounting,
+        odometry=source.has_odometry,
+        overwrite=overwrite,
+    )
+
+
+def _slam(source: FrameSource, sensor: str | None, config: Path | None) -> Slam:
+    from slam.config import load_config
+    from slam.pipeline import Slam
+
+    return Slam(
+        load_config(
+            config,
+            preset=sensor,
+            source_preset=source.sensor,
+            source_mounting=source.mounting,
+            source_odometry=source.has_odometry,
+        )
+    )
+
+
+def _session(slam: Slam, source: FrameSource, progress: Progress, *, view: bool, view_file: Path | None) -> Session:
+    from slam.checkpoint import Stand
+    from slam.session import Session
+
+    watch = None
+    if view or view_file is not None:
+        from slam.live_view import LiveView
+
+        watch = LiveView(source.name, slam, view_file).show
+    return Session(slam, Stand(source.name), progress=progress, watch=watch)

@@ -1,4 +1,4 @@
-"""What a live run shows: rate, drops, landmarks, pose and how far behind it is; on a terminal in place, elsewhere lines."""
+"""State of a live run: rate, drops, landmarks, pose and how far behind it is; in place on a terminal, else lines."""
 
 import math
 import time

@@ -20,6 +20,7 @@ from drivers.rplidar.express import encode_express
 from drivers.rplidar.formats import FORMATS, PacketFormat
 from drivers.rplidar.hq import encode_hq
 from drivers.rplidar.lidar import Rplidar
+from drivers.rplidar.raw_recording import RawRecorder, RawRecording
 from drivers.rplidar.reader import RawTap
 from drivers.rplidar.requests import Command, Request, RequestReader
 from drivers.rplidar.revolutions import RevolutionDecoder, ScanStream
@@ -40,6 +41,8 @@ __all__ = [
     "Health",
     "Join",
     "PacketFormat",
+    "RawRecorder",
+    "RawRecording",
     "RawTap",
     "Request",
     "RequestReader",

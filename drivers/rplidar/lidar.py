@@ -38,7 +38,8 @@ OTHERS = "rplidar-s1"
 class Rplidar:
     """A scanner as a source of frames, and of bare scans; a context manager, at whose end the motor stops.
 
-    A thread reads and decodes; a queue holds the last revolutions that were not taken. A scanner that is unplugged or
+    Inside the context the scanner is known and at rest, until it is started. Then a thread reads and decodes; a queue
+    holds the last revolutions that were not taken. A scanner that is unplugged or
     falls silent is looked for until it is there again, at intervals that grow to 8 s; the log of this package says so.
     Stamps are seconds since 1970 by a clock that is set when the source is made and runs evenly from then on.
 
@@ -50,12 +51,11 @@ class Rplidar:
     baud : speed of the link [bit/s]; None to find out.
     mounting : where the scanner sits on the robot.
     capacity : revolutions that the queue holds; the oldest is dropped where one more comes.
-    tap : takes the raw bytes down; what it raises ends the iteration with it.
 
     Raises
     ------
     DriverError
-        When entered: there is no scanner, or it cannot be used.
+        When entered: there is no scanner, it cannot be used, or it has no such mode.
     """
 
     def __init__(
@@ -67,22 +67,19 @@ class Rplidar:
         baud: int | None = None,
         mounting: Mounting = Mounting(),  # noqa: B008, frozen
         capacity: int = 10,
-        tap: RawTap | None = None,
     ) -> None:
         self._port, self._mode, self._rpm, self._baud, self._mounting = port, mode, rpm, baud, mounting
         self._closing = Event()
         self._queue = ScanQueue(capacity)
-        self._reader = Reader(self._queue, self._closing, time.time() - time.monotonic(), tap)
+        self._reader = Reader(self._queue, self._closing, time.time() - time.monotonic())
         self._reconnects = 0
-        self._info: DeviceInfo | None = None
+        self._device: Device | None = None
         self._thread: Thread | None = None
 
     @property
     def info(self) -> DeviceInfo:
         """Model, firmware and serial number of the scanner."""
-        if self._info is None:
-            raise ValueError("the scanner has not been opened: use it in a `with` block")
-        return self._info
+        return self._found.info
 
     @property
     def name(self) -> str:
@@ -115,7 +112,12 @@ class Rplidar:
         return self._reader.counts + Counts(dropped_revolutions=self._queue.dropped, reconnects=self._reconnects)
 
     def take(self, timeout: float | None = None) -> LaserScan | None:
-        """Oldest revolution that was not taken; None where none comes in time [s], or the source is closed."""
+        """Oldest revolution that was not taken; None where none comes in time [s], or the source is closed.
+
+        The scanner is started where it is not yet.
+        """
+        if self._thread is None:
+            self.start()
         return self._queue.take(timeout)
 
     def scans(self) -> Iterator[LaserScan]:
@@ -128,19 +130,43 @@ class Rplidar:
         for scan in self.scans():
             yield Frame(scan.stamp, np.zeros(3), scan)
 
+    def start(self, tap: RawTap | None = None) -> None:
+        """Start motor and scan.
+
+        Parameters
+        ----------
+        tap : takes the raw bytes down, in the thread that reads; what it raises ends the iteration with it.
+
+        Raises
+        ------
+        DriverError
+            The scanner does not start.
+        """
+        if self._thread is not None:
+            raise ValueError("the scanner has been started already")
+        device = self._found
+        self._thread = Thread(target=self._run, args=(device, *self._start(device), tap), name="rplidar", daemon=True)
+        self._thread.start()
+
     def close(self) -> None:
         """Stop scan and motor; what the queue still holds can be taken."""
         self._closing.set()
         if self._thread is not None:
             self._thread.join(CLOSE_LIMIT)
+        elif self._device is not None:
+            self._device.close()
 
     def __enter__(self) -> Self:
-        device, stream, data = self._open()
-        self._info, self._baud = device.info, device.baud
+        self._device = device = find_device(self._port, self._closing, self._baud)
+        try:
+            mode = device.mode(self._mode)
+        except DriverError:
+            device.close()
+            raise
+        logger.info("%s at %d baud, serial number %s, %s", device.name, device.baud, device.info.serial, mode.name)
         if sensor_name(device.info.model) is None:
             logger.warning("%s: the noise of this model is not known here, that of %s is taken", device.name, OTHERS)
-        self._thread = Thread(target=self._run, args=(device, stream, data), name="rplidar", daemon=True)
-        self._thread.start()
+        self._baud = device.baud
         return self
 
     def __exit__(
@@ -148,23 +174,26 @@ class Rplidar:
     ) -> None:
         self.close()
 
-    def _open(self) -> tuple[Device, ScanStream, bytes]:
-        """Find the scanner and start its scan."""
-        device = find_device(self._port, self._closing, self._baud)
+    @property
+    def _found(self) -> Device:
+        if self._device is None:
+            raise ValueError("the scanner has not been opened: use it in a `with` block")
+        return self._device
+
+    def _start(self, device: Device) -> tuple[ScanStream, bytes]:
+        """Start the scan of a device at rest."""
         try:
-            mode = device.mode(self._mode)
-            logger.info("%s at %d baud, serial number %s, %s", device.name, device.baud, device.info.serial, mode.name)
-            return device, *device.start(mode, self._rpm)
+            return device.start(device.mode(self._mode), self._rpm)
         except BaseException:
             device.close()
             raise
 
-    def _run(self, device: Device, stream: ScanStream, data: bytes) -> None:
+    def _run(self, device: Device, stream: ScanStream, data: bytes, tap: RawTap | None) -> None:
         """Read until the source is closed, over one connection after the other."""
         try:
             while True:
                 try:
-                    self._reader.read(device, stream, data)
+                    self._reader.read(device, stream, data, tap)
                     break
                 except LinkClosedError:
                     break
@@ -187,7 +216,8 @@ class Rplidar:
         pause, longest = BACK_OFF
         while not self._closing.wait(pause):
             try:
-                return self._open()
+                device = find_device(self._port, self._closing, self._baud)
+                return device, *self._start(device)
             except LinkClosedError:
                 raise
             except DriverError as error:

@@ -43,18 +43,17 @@ class Reader:
     queue : takes the revolutions.
     closing : set to end.
     epoch : when the monotonic clock of this computer began [s since 1970].
-    tap : takes the raw bytes.
 
     Attributes
     ----------
     counts : what became of the bytes of all scans so far.
     """
 
-    def __init__(self, queue: ScanQueue, closing: Event, epoch: float, tap: RawTap | None) -> None:
+    def __init__(self, queue: ScanQueue, closing: Event, epoch: float) -> None:
         self.counts = Counts()
-        self._queue, self._closing, self._epoch, self._tap = queue, closing, epoch, tap
+        self._queue, self._closing, self._epoch = queue, closing, epoch
 
-    def read(self, device: Device, stream: ScanStream, data: bytes) -> None:
+    def read(self, device: Device, stream: ScanStream, data: bytes, tap: RawTap | None = None) -> None:
         """Read a scan until the end.
 
         Parameters
@@ -62,6 +61,7 @@ class Reader:
         device : that scans.
         stream : how to read what it sends.
         data : the first bytes of it.
+        tap : takes the bytes down.
 
         Raises
         ------
@@ -71,12 +71,12 @@ class Reader:
         decoder, before = RevolutionDecoder(stream), self.counts
         now = last = time.monotonic()
         patience, fruitless = SPIN_UP, 0
-        if self._tap is not None:
-            self._tap.begin(stream, self._epoch + now)
+        if tap is not None:
+            tap.begin(stream, self._epoch + now)
         while not self._closing.is_set():
             if data:
-                if self._tap is not None:
-                    self._tap.chunk(data, self._epoch + now)
+                if tap is not None:
+                    tap.chunk(data, self._epoch + now)
                 scans = decoder.feed(data, self._epoch + now)
                 self.counts = before + decoder.counts
                 for scan in scans:
