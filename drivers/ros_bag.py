@@ -99,7 +99,6 @@ class RosBag:
         for frame in with_odometry(frames) if self.has_odometry else frames:
             yielded += frame.scan is not None
             yield frame
-        left_out = self._scans - yielded
         if failures:
             raise failures[0]
         if not self._scans:
@@ -109,10 +108,10 @@ class RosBag:
                 f"{self._path}: no scan of {self._scan_topic} lies between two odometry poses of "
                 f"{self._odom_topic or 'tf'}: expected stamps of one clock"
             )
-        if left_out:
+        if yielded < self._scans:
             logger.warning(
-                "%s: %d scans before, behind or far from any odometry of %s are left out",
-                self._path, left_out, self._odom_topic or "tf",
+                "%s: left out are %d of %d scans, which have no odometry of %s before and behind them",
+                self._path, self._scans - yielded, self._scans, self._odom_topic or "tf",
             )  # fmt: skip
 
     @property

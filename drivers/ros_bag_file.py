@@ -8,11 +8,12 @@ from typing import Any
 from rosbags.interfaces import Connection
 from rosbags.rosbag1 import Reader as Reader1
 from rosbags.rosbag2 import Reader as Reader2
-from rosbags.typesys import Stores, get_typestore
+from rosbags.typesys import Stores, get_types_from_msg, get_typestore
+from rosbags.typesys.store import Typestore
 
 from drivers.errors import LogFormatError
 from drivers.ros_bag_kind import bag_kind, storage_files
-from drivers.ros_bag_salvage import Message, salvage
+from drivers.ros_bag_salvage import Message, database_size, salvage
 
 SCAN, ODOMETRY, TRANSFORMS = "sensor_msgs/msg/LaserScan", "nav_msgs/msg/Odometry", "tf2_msgs/msg/TFMessage"
 TYPES = {SCAN: SCAN, ODOMETRY: ODOMETRY, TRANSFORMS: TRANSFORMS, "tf/msg/tfMessage": TRANSFORMS}
@@ -50,15 +51,16 @@ class BagFile:
         self._path = path
         _check(path)
         self._ros1 = bag_kind(path) == "rosbag1"
-        self._types = get_typestore(Stores.ROS1_NOETIC if self._ros1 else Stores.LATEST)
+        self._types = typestore(ros1=self._ros1)
         self._damage = ""
         try:
+            _check_databases(path)
             with self._reader() as reader:
                 self.topics = {name: self._topic(info.connections) for name, info in reader.topics.items()}
-        except OSError as error:
-            raise LogFormatError(f"{path} cannot be read ({error.strerror or error}): expected a ROS bag") from None
-        except Exception as error:
-            self._damage = str(error).rstrip(".") or type(error).__name__
+        except PermissionError as error:
+            raise LogFormatError(f"{path} cannot be read ({error.strerror}): expected a ROS bag") from None
+        except Exception as error:  # on damaged data the library raises whatever its parsing runs into
+            self._damage = str(error).split(": (")[0].rstrip(".") or type(error).__name__
             self.topics = {}
             for message in salvage(path):
                 before = self.topics.get(message.topic)
@@ -116,6 +118,29 @@ class BagFile:
             return connection.msgtype
         digest = self._types.generate_msgdef(kind)[1] if self._ros1 else self._types.hash_rihs01(kind)
         return kind if connection.digest in ("", digest) else f"{kind} of another version"
+
+
+def typestore(*, ros1: bool) -> Typestore:
+    """Definitions of the messages of ROS 1, or of ROS 2."""
+    store = get_typestore(Stores.ROS1_NOETIC if ros1 else Stores.LATEST)
+    if TRANSFORMS not in store.types:
+        store.register(get_types_from_msg("geometry_msgs/TransformStamped[] transforms", TRANSFORMS))
+    return store
+
+
+def _check_databases(path: Path) -> None:
+    """Find the databases that are cut: of a page that is not there they are read as zeros.
+
+    Raises
+    ------
+    ValueError
+        A file is shorter than it says.
+    """
+    for file in storage_files(path) if path.is_dir() else [path]:
+        if bag_kind(file) == "sqlite3":
+            _, expected, size = database_size(file)
+            if size < expected:
+                raise ValueError(f"{file.name} has {size} of {expected} bytes")
 
 
 def _check(path: Path) -> None:

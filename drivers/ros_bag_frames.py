@@ -34,6 +34,9 @@ def laser_scan(message: Any, stamp: float) -> LaserScan:
         raise ScanFormatError(
             f"range_min {message.range_min:g}, range_max {message.range_max:g}: expected 0 <= range_min < range_max"
         )
+    for name in ("angle_increment", "time_increment"):
+        if not math.isfinite(getattr(message, name)):
+            raise ScanFormatError(f"{name} is {getattr(message, name):g}: expected a finite number")
     ranges = np.asarray(message.ranges, dtype=np.float64)
     beams = np.arange(len(ranges))
     # A scanner that reports its maximum means that it saw nothing up to there.

@@ -43,7 +43,7 @@ def salvage(path: Path) -> Iterator[Message]:
         try:
             if kind is not None:
                 yield from SALVAGERS[kind](file)
-        except Exception:
+        except Exception:  # whatever parsing runs into where the data are damaged
             return
 
 
@@ -114,10 +114,30 @@ def _mcap_chunk(records: BinaryIO) -> bytes:
 
 
 def _sqlite3(path: Path) -> Iterator[Message]:
-    with closing(sqlite3.connect(f"{path.resolve().as_uri()}?mode=ro&immutable=1", uri=True)) as database:
+    with closing(_database(path)) as database:
+        database.execute("PRAGMA writable_schema=ON")  # else a file with fewer pages than it should have is refused
         topics = {number: (name, kind) for number, name, kind in database.execute("SELECT id, name, type FROM topics")}
         for topic, received, data in database.execute("SELECT topic_id, timestamp, data FROM messages ORDER BY id"):
             yield Message(*topics[topic], 1e-9 * received, data)
+
+
+def _database(path: Path) -> sqlite3.Connection:
+    """Open a database; a last page that is cut is left out, as it would be read with zeros behind the cut."""
+    page, _, size = database_size(path)
+    if size % page == 0:
+        return sqlite3.connect(f"{path.resolve().as_uri()}?mode=ro&immutable=1", uri=True)
+    database = sqlite3.connect(":memory:")
+    with path.open("rb") as file:
+        database.deserialize(file.read(size - size % page))
+    return database
+
+
+def database_size(path: Path) -> tuple[int, int, int]:
+    """Size of a page of a database [bytes], of all its pages as its first one says, and of its file."""
+    with path.open("rb") as file:
+        page, pages = unpack(">16xH10xI", file.read(32))
+    page = 65_536 if page == 1 else page
+    return page, page * pages, path.stat().st_size
 
 
 SALVAGERS: dict[BagKind, Callable[[Path], Iterator[Message]]] = {

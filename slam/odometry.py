@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from features.se2 import Array, Pose, between, pose
+from features.se2 import Array, Pose, between, pose, wrap_angle
 from slam.drifting_pose import Anchor
 
 
@@ -57,42 +57,86 @@ class WheelMotion:
         """Wheels do not learn from scans."""
 
 
+FORGET = 0.05
+"""Weight of the latest interval in what is known of the intervals of a scanner."""
+
+GAP = 1.0
+"""A longer interval between scans is a gap, and counts for no more than this [s]."""
+
+FASTEST = 3.0
+"""A velocity beyond so many sigmas is that of a wrong stamp or scan, not of a robot: nothing is known then."""
+
+
 class ConstantVelocity:
-    """Motion without any odometry: that between the last two scans goes on, and velocity changes as a random walk.
+    """Motion without any odometry: the velocity goes on, changes at random and dies away (eq. M34).
 
     Parameters
     ----------
-    speed_change : sigma of the change of the velocity after one second, in x and y [m/s].
-    turn_rate_change : sigma of the change of the turn rate after one second [rad/s].
+    speed, turn_rate : sigma of the velocity of a robot of which nothing is known, in x and y [m/s] and about z [rad/s].
+    speed_change, turn_rate_change : sigma of its change within one second [m/s], [rad/s].
     """
 
-    def __init__(self, speed_change: float, turn_rate_change: float) -> None:
-        self._density = np.diag([speed_change**2, speed_change**2, turn_rate_change**2])
+    def __init__(self, speed: float, turn_rate: float, speed_change: float, turn_rate_change: float) -> None:
+        sigma = np.array([speed, speed, turn_rate])
+        change = np.array([speed_change, speed_change, turn_rate_change])
+        self._variance = sigma**2
+        # Of the velocity's memory; what changes by q within a second then varies by q T / 2 in the long run.
+        self._memory = 2.0 * (sigma / change) ** 2
+        self._count = 0
+        self._interval = 0.0
+        self._jitter2 = 0.0
         self._learned: float | None = None
         self._stamp = 0.0
         # The robot may be moving when the data begin.
-        self._interval = 1.0
         self._velocity: Array = np.zeros(3)
-        self._velocity_cov: Array = self._density
+        self._velocity_cov: Array = np.diag(self._variance)
 
     def step(self, stamp: float, pose_odom_robot: Pose) -> tuple[Pose, Array]:
         """Motion since the record before and its covariance, shapes (3,) and (3, 3); odometry is not looked at."""
         if self._learned is None:
             self._learned = self._stamp = stamp
-        before, after = self._stamp - self._learned, stamp - self._learned
+        before, after = (self._motion(time - self._learned) for time in (self._stamp, stamp))
         self._stamp = stamp
-        x, y, turn = (after - before) * self._velocity
-        return pose(x, y, turn), self._cov(after) - self._cov(before)
+        x, y, turn = after[0] - before[0]
+        return pose(x, y, turn), after[1] - before[1]
 
-    def _cov(self, elapsed: float) -> Array:
-        """Covariance of the motion since the last scan, eq. M34."""
-        return elapsed**2 * (self._velocity_cov + (self._interval + elapsed) / 3.0 * self._density)
+    def _motion(self, elapsed: float) -> tuple[Array, Array]:
+        """Motion since the last scan and its covariance, shapes (3,) and (3, 3), eq. M34; none in no time."""
+        ratio = elapsed / self._memory
+        lost = -np.expm1(-ratio)
+        reach = self._memory * lost
+        walk = np.maximum(self._variance * self._memory**2 * (2.0 * (ratio - lost) - lost**2), 0.0)
+        cov = np.outer(reach, reach) * self._velocity_cov + np.diag(walk)
+        if elapsed > 0.0:
+            cov += self._jitter2 * (self._velocity_cov + np.outer(self._velocity, self._velocity))
+        return reach * self._velocity, cov
 
     def learn(self, stamp: float, since_scan: Anchor) -> None:
-        """Take the motion since the last scan, the latest one at ``stamp``, for the velocity."""
-        interval = stamp - (stamp if self._learned is None else self._learned)
+        """Take the motion since the last scan, the latest one at ``stamp``, for the velocity (eq. M35)."""
+        elapsed = stamp - (stamp if self._learned is None else self._learned)
         self._learned = self._stamp = stamp
-        if interval > 0.0:
-            self._interval = interval
-            self._velocity = since_scan.motion / interval
-            self._velocity_cov = since_scan.motion_cov / interval**2
+        if elapsed <= 0.0:
+            return
+        self._time(elapsed)
+        motion, cov = self._motion(elapsed)
+        lost = -np.expm1(-elapsed / self._memory)
+        kept = 1.0 - lost
+        reach = self._memory * lost
+        cross = kept[:, None] * self._velocity_cov * reach + np.diag(self._variance * self._memory * lost**2)
+        gain = np.linalg.solve(cov, cross.T).T
+        residual = since_scan.motion - motion
+        residual[2] = wrap_angle(float(residual[2]))
+        self._velocity = kept * self._velocity + gain @ residual
+        velocity_cov = np.outer(kept, kept) * self._velocity_cov + np.diag(self._variance * (1.0 - kept**2))
+        velocity_cov += gain @ (since_scan.motion_cov - cov) @ gain.T
+        self._velocity_cov = 0.5 * (velocity_cov + velocity_cov.T)
+        if (self._velocity**2 + np.diag(velocity_cov) > FASTEST**2 * self._variance).any():
+            self._velocity, self._velocity_cov = np.zeros(3), np.diag(self._variance)
+
+    def _time(self, elapsed: float) -> None:
+        """Learn how irregular the stamps are: a scanner turns steadily, so its intervals should all be alike."""
+        self._count += 1
+        weight = max(FORGET, 1.0 / self._count)
+        off = min(elapsed, GAP) - self._interval
+        self._interval += weight * off
+        self._jitter2 = (1.0 - weight) * (self._jitter2 + weight * off**2)

@@ -20,7 +20,12 @@ def line_odometry(config: SlamConfig, pose_map_robot: Pose) -> LineOdometry:
         heading_per_turn=math.radians(odometry.heading_per_turn_deg),
     )
     if odometry.source == "lines":
-        motion = ConstantVelocity(odometry.speed_change_m_s, math.radians(odometry.turn_rate_change_deg_s))
+        motion = ConstantVelocity(
+            speed=odometry.speed_m_s,
+            turn_rate=math.radians(odometry.turn_rate_deg_s),
+            speed_change=odometry.speed_change_m_s,
+            turn_rate_change=math.radians(odometry.turn_rate_change_deg_s),
+        )
     else:
         motion = WheelMotion(wheels)
     rules = config.extraction

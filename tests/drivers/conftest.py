@@ -17,6 +17,14 @@ def intel_log() -> Path:
 
 
 @pytest.fixture
+def two_lidars() -> Path:
+    path = DATA / "two-lidars.bag"
+    if not path.is_file():
+        pytest.skip(f"{path} is absent: set CWLF_DATA to the folder of the real logs")
+    return path
+
+
+@pytest.fixture
 def write_log(tmp_path: Path) -> Callable[..., Path]:
     """Write lines or bytes to a log, gzipped on demand, and return its path."""
 

@@ -2,6 +2,7 @@
 
 import gzip
 import json
+import os
 import signal
 import subprocess
 import sys
@@ -19,6 +20,7 @@ from slam.cli import main
 from slam.trajectory import read_tum
 
 SCAN = "FLASER 8 1 1.1 1.2 1.3 1.4 1.5 1.6 1.7 0 0 0 {x} 0 0 {stamp} host {stamp}"
+DATA = Path(os.environ.get("CWLF_DATA", Path(__file__).parents[2] / ".." / "shared" / "data"))
 FILES = {
     "trajectory.tum",
     "trajectory_online.tum",
@@ -320,3 +322,25 @@ def test_output_that_cannot_be_written_is_one_line() -> None:
         )
     assert process.returncode == 1
     assert process.stderr.splitlines() == ["cwlf-slam: [Errno 28] No space left on device"]
+
+
+def test_a_bag_that_is_cut_short_is_run_as_far_as_it_goes(cwlf: Callable[..., Outcome], tmp_path: Path) -> None:
+    """Two real scanners without odometry: one is chosen, the motion comes from its scans."""
+    whole = DATA / "two-lidars.bag"
+    if not whole.is_file():
+        pytest.skip(f"{whole} is absent: set CWLF_DATA to the folder of the real logs")
+    bag, out = tmp_path / "cut.bag", tmp_path / "run"
+    bag.write_bytes(whole.read_bytes()[:600_000])
+    outcome = cwlf("run", bag, "--out", out)
+    assert outcome.code == 1
+    assert "choose one with --scan-topic: it has /front_scan (sensor_msgs/LaserScan, " in outcome.err
+    assert not out.exists()
+    outcome = cwlf("run", bag, "--scan-topic", "/front_scan", "--out", out)
+    assert outcome.code == 1
+    assert [line for line in outcome.err.splitlines() if "scans/s" not in line] == [
+        f"cwlf-slam: {bag} is cut short or damaged (Bag index looks damaged): expected an intact bag "
+        f"(what came before is in {out})"
+    ]
+    assert {path.name for path in out.iterdir()} == FILES
+    assert 50 < json.loads((out / "metrics.json").read_text())["scans"] < 150
+    assert 'source = "lines"' in (out / "config.toml").read_text()
