@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
+from click import get_current_context
 
 from slam.cli_options import Config, Out, Overwrite, Sensor
 from slam.finish_cli import leave, save
@@ -211,5 +212,7 @@ def _session(slam: Slam, source: FrameSource, progress: Progress, *, view: bool,
     if view or view_file is not None:
         from slam.live_view import LiveView
 
-        watch = LiveView(source.name, slam, view_file).show
+        shown = LiveView(source.name, slam, view_file)
+        get_current_context().call_on_close(shown.close)
+        watch = shown.show
     return Session(slam, Stand(source.name), progress=progress, watch=watch)

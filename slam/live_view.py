@@ -57,6 +57,11 @@ class LiveView:
             rerun.serve_web_viewer(connect_to=self._record.serve_grpc(), open_browser=False)
         self._record.log("/", rerun.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
 
+    def close(self) -> None:
+        """Hand over all that was shown."""
+        self._record.flush()
+        self._record.disconnect()
+
     def show(self, frame: Frame, step: Step) -> None:
         """Show what a frame has changed."""
         if frame.scan is None or step.features is None:

@@ -1,0 +1,80 @@
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from drivers.frame import Frame
+from drivers.recorder import Recorder
+from drivers.recording import Recording
+from drivers.stages import Paced, Recorded, Stage, WithOdometry
+from features.scan import LaserScan
+from features.sensor import Mounting
+
+
+class Frames:
+    """A source of frames at given stamps."""
+
+    name, sensor, mounting, has_odometry, progress = "hall", "rplidar-s1", Mounting(0.1, 0.2, 0.3), False, 0.5
+
+    def __init__(self, stamps):
+        self.frames = [Frame(t, np.zeros(3), LaserScan(np.ones(3), np.array([0.0, 0.1, 0.2]), t)) for t in stamps]
+
+    def __iter__(self):
+        return iter(self.frames)
+
+
+class Clock:
+    """A clock that sleeping moves on, and a slow taker of frames too."""
+
+    def __init__(self):
+        self.time = 100.0
+
+    def now(self):
+        return self.time
+
+    def sleep(self, duration):
+        assert duration > 0.0
+        self.time += duration
+
+
+@given(
+    st.lists(st.floats(0.0, 2.0), min_size=1, max_size=20),
+    st.lists(st.floats(0.0, 2.0), min_size=20, max_size=20),
+    st.floats(0.1, 100.0),
+)
+def test_no_frame_comes_before_its_time_and_none_later_than_its_taker_allows(intervals, work, speed):
+    stamps = np.cumsum(intervals).tolist()
+    clock = Clock()
+    free = clock.time
+    for frame, busy in zip(Paced(Frames(stamps), speed, clock.now, clock.sleep), work, strict=False):
+        due = 100.0 + (frame.stamp - stamps[0]) / speed
+        assert clock.time == pytest.approx(max(due, free), abs=1e-9)
+        clock.time += busy
+        free = clock.time
+
+
+def test_stage_says_what_its_source_says():
+    source = Frames([0.0])
+    stage = Stage(source)
+    assert (stage.name, stage.sensor, stage.mounting) == (source.name, source.sensor, source.mounting)
+    assert (stage.has_odometry, stage.progress) == (False, 0.5)
+    assert list(stage) == source.frames
+
+
+def test_odometry_joins_the_frames_at_their_stamps():
+    class Wheels:
+        def at(self, stamp):
+            return np.array([stamp, 2.0 * stamp, 0.1])
+
+    stage = WithOdometry(Frames([1.0, 2.0]), Wheels())
+    assert stage.has_odometry
+    assert [frame.pose_odom_robot.tolist() for frame in stage] == [[1.0, 2.0, 0.1], [2.0, 4.0, 0.1]]
+
+
+def test_what_passes_is_recorded_although_the_taker_stops_early(tmp_path):
+    path = tmp_path / "hall.jsonl.gz"
+    source = Frames([1.0, 2.0, 3.0])
+    with Recorder(path, name="hall", sensor="rplidar-s1", mounting=Mounting()) as recorder:
+        passed = iter(Recorded(source, recorder))
+        assert [next(passed), next(passed)] == source.frames[:2]
+    assert [frame.stamp for frame in Recording(path)] == [1.0, 2.0]
