@@ -93,14 +93,12 @@ def _laps(waypoints: Array, laps: int) -> Array:
 
 def _table(ledger: Ledger) -> Iterator[str]:
     """Lines that tell what was sent and what was lost."""
-    yield f"{'sent':16s} {ledger.packets:10,} packets {ledger.samples:12,} samples {ledger.revolutions:8,} revolutions"
+    yield f"{'sent':16s} {ledger.packets:,} packets, {ledger.samples:,} samples, {ledger.revolutions:,} revolutions"
+    columns = ("events", "bytes", "packets", "debris", "samples", "revolutions")
     if ledger.losses:
-        yield f"{'lost':16s} {'events':>8s} {'bytes':>10s} {'packets':>10s} {'samples':>10s} {'revolutions':>12s}"
+        yield f"{'lost to':16s}" + "".join(f"{column:>12s}" for column in columns)
     for cause, loss in sorted(ledger.losses.items()):
-        yield (
-            f"{cause:16s} {loss.events:8,} {loss.bytes:10,} {loss.packets:10,} {loss.samples:10,} "
-            f"{loss.revolutions:12,}"
-        )
+        yield f"{cause:16s}" + "".join(f"{getattr(loss, column):12,}" for column in columns)
 
 
 def _write_truth(path: Path, trajectory: Trajectory, device: Device, started: float, end: float) -> None:

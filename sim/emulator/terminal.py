@@ -5,6 +5,7 @@ import fcntl
 import os
 import select
 import struct
+import termios
 import time
 import tty
 from collections.abc import Callable
@@ -22,6 +23,9 @@ _TICK = 1e-3
 
 _PATIENCE = 0.05
 """How long to wait at most before looking whether to stop [s]."""
+
+_READ_TRIES = 200
+"""Ticks that the host has to read the last bytes before the cable is pulled."""
 
 _TCGETS2, _TERMIOS2 = 0x802C542A, "=4IB19s2I"
 """Request and layout for the settings of a terminal with their baud rates, also those that POSIX has no name for."""
@@ -91,6 +95,7 @@ class Terminal:
                 self._plug_in()
             self._pass_on(self._master_fd)
             if device.away_until is not None:
+                self._let_read()
                 self._pull_out()
                 continue
             wait = min(max(device.next_time - self.now, _TICK), _PATIENCE)
@@ -144,6 +149,18 @@ class Terminal:
                 self._pull_out()
                 raise EmulatorError(f"{self._link}: no link can be made here: {error.strerror}") from None
         self._said(path)
+
+    def _let_read(self) -> None:
+        """Wait until the host has what was sent before the cable is pulled: else the counts would not be exact."""
+        terminal = os.open(self._path, os.O_RDONLY | os.O_NOCTTY | os.O_NONBLOCK)
+        try:
+            for _ in range(_READ_TRIES):
+                (waiting,) = struct.unpack("=i", fcntl.ioctl(terminal, termios.FIONREAD, bytes(4)))
+                if waiting == 0:
+                    break
+                time.sleep(_TICK)
+        finally:
+            os.close(terminal)
 
     def _pull_out(self) -> None:
         if self._master is not None:
