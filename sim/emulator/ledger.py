@@ -20,6 +20,7 @@ class Loss:
     events : times it struck.
     bytes : that did not arrive, or arrived as others.
     packets : that it hit.
+    debris : bytes of these that did arrive: no packet can be made of them.
     samples : that cannot be decoded; those of a capsule are lost with the capsule after it.
     revolutions : that lack a sample; a revolution that several causes hit is the first one's.
     """
@@ -27,6 +28,7 @@ class Loss:
     events: int = 0
     bytes: int = 0
     packets: int = 0
+    debris: int = 0
     samples: int = 0
     revolutions: int = 0
 

@@ -26,6 +26,7 @@ class _Receipt:
     lost: np.ndarray
     cause: str | None
     bytes: int
+    debris: int
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -80,9 +81,9 @@ class Line:
             hit = slice(at, min(at + count, len(data)))
             data = data[: hit.start] + data[hit.stop :]
         lost[np.arange(hit.start, hit.stop) // size] = True
-        if cause is not None and counted:
-            self._ledger.loss(cause).events += 1
-        self._enqueue(data, packet.time, _Receipt(packet, lost, cause, hit.stop - hit.start) if counted else None)
+        debris = int(lost.sum()) * size - len(packet.data) + len(data)
+        receipt = _Receipt(packet, lost, cause, hit.stop - hit.start, debris)
+        self._enqueue(data, packet.time, receipt if counted else None)
 
     def take(self) -> tuple[float, bytes]:
         """Next bytes, with the time at which they arrive [s]."""
@@ -106,7 +107,7 @@ class Line:
             if self._stalled_bytes > HOST_BUFFER:
                 if receipt is not None:
                     packet = receipt.packet
-                    receipt = _Receipt(packet, np.ones_like(receipt.lost), "stall", len(packet.data))
+                    receipt = _Receipt(packet, np.ones_like(receipt.lost), "stall", len(packet.data), 0)
                 data = b""
         first, begin = time - len(data) * 10.0 / self._baud, 0
         if "split-reads" in self._faults:
@@ -125,7 +126,11 @@ class Line:
     def _count(self, receipt: _Receipt) -> None:
         packet, cause = receipt.packet, receipt.cause
         if cause is not None:
-            self._ledger.loss(cause).bytes += receipt.bytes
+            loss = self._ledger.loss(cause)
+            loss.events += cause != "stall"  # that was counted when it began
+            loss.bytes, loss.debris = loss.bytes + receipt.bytes, loss.debris + receipt.debris
+        for name in packet.struck:
+            self._ledger.loss(name).events += 1
         if packet.zeroed:
             self._ledger.loss("zero-sectors").samples += packet.zeroed
         if packet.capsule:

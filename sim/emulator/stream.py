@@ -52,6 +52,7 @@ class Packet:
     capsule : whether its samples need the next packet.
     follows : whether the angle was kept since the packet before.
     zeroed : samples that returned, but for a fault.
+    struck : faults that came since the packet before.
     """
 
     time: float
@@ -60,6 +61,7 @@ class Packet:
     capsule: bool
     follows: bool
     zeroed: int
+    struck: tuple[str, ...]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -72,6 +74,7 @@ class _Draft:
     offsets: Array
     follows: bool
     zeroed: int
+    struck: tuple[str, ...]
 
 
 class ScanStream:
@@ -99,26 +102,41 @@ class ScanStream:
         self._count = group * self._format.samples
         self._packets = max(1, round(_BLOCK_TIME / (self._count * self._period)))
         self._held: _Draft | None = None
-        self._sector = (0.0, 0.0)
+        rng = faults.rng["zero-sectors"]
+        self._sector = rng.uniform(), rng.uniform(10.0, 60.0) / 360.0
         self._last_revolution: int | None = None
 
     def block(self) -> list[Packet]:
         """Take the next samples; the last packet of them waits for the next block."""
         time, follows = self.next_sample, self._held is not None
-        if self._faults.strikes("speed-change", time):
+        kinds = ("speed-change", "zero-sectors", "encoder-reset")
+        struck = tuple(name for name in kinds[: 3 if follows else 2] if self._faults.strikes(name, time))
+        if "speed-change" in struck:
             self._rotor.disturb(self._faults.rng["speed-change"].uniform(0.8, 1.2), time)
-        if follows and self._faults.strikes("encoder-reset", time):
+        if "encoder-reset" in struck:
             time += self._faults.rng["encoder-reset"].uniform(0.2, 0.9) / max(self._rotor.wanted, 1.0)
             follows = False
         times = time + self._period * np.arange(self._packets * self._count, dtype=np.float64)
         self.next_sample = time + self._period * len(times)
         turns = self._rotor.turns(times)
+        if "zero-sectors" in struck:
+            rng = self._faults.rng["zero-sectors"]
+            self._sector = rng.uniform(), rng.uniform(10.0, 60.0) / 360.0
         ranges, offsets, zeroed = self._sample(turns, times)
         drafts = [] if self._held is None else [self._held]
         for k in range(self._packets):
             part = slice(k * self._count, (k + 1) * self._count)
+            begins = k == 0
             drafts.append(
-                _Draft(times[part], turns[part], ranges[part], offsets[part], follows or k > 0, int(zeroed[part].sum()))
+                _Draft(
+                    times=times[part],
+                    turns=turns[part],
+                    ranges=ranges[part],
+                    offsets=offsets[part],
+                    follows=follows or not begins,
+                    zeroed=int(zeroed[part].sum()),
+                    struck=struck if begins else (),
+                )
             )
         self._held = drafts[-1]
         return [self._pack(draft, after) for draft, after in itertools.pairwise(drafts)]
@@ -136,9 +154,6 @@ class ScanStream:
         ranges[ranges > _FARTHEST.get(answer, math.inf)] = 0.0
         zeroed = np.zeros(len(turns), dtype=np.bool_)
         if "zero-sectors" in self._faults:
-            if self._faults.strikes("zero-sectors", times[0]) or self._sector[1] == 0.0:
-                rng = self._faults.rng["zero-sectors"]
-                self._sector = (rng.uniform(), rng.uniform(10.0, 60.0) / 360.0)
             begin, width = self._sector
             zeroed = ((turns - begin) % 1.0 < width) & (ranges > 0.0)
             ranges[zeroed] = 0.0
@@ -165,6 +180,7 @@ class ScanStream:
             capsule=self._format.measure is not None,
             follows=draft.follows or first,
             zeroed=draft.zeroed,
+            struck=draft.struck,
         )
 
     def _revolutions(self, draft: _Draft, after: _Draft) -> npt.NDArray[np.int64]:
