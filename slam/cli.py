@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
+from slam.device_cli import devices
 from slam.emulate_cli import emulate
 from slam.study_cli import extract_scan, study
 from slam.world_cli import export, simulate, world
@@ -32,7 +33,9 @@ Out = Annotated[Path | None, typer.Option("--out", help="Run folder; default run
 Overwrite = Annotated[bool, typer.Option("--overwrite", help="Write into the run folder although it is not empty.")]
 Sensor = Annotated[
     str | None,
-    typer.Option("--sensor", help="Sensor preset: rplidar-s1 or sick-lms; default: the source's.", show_default=False),
+    typer.Option(
+        "--sensor", help="Sensor preset, such as rplidar-s1 or sick-lms; default: the source's.", show_default=False
+    ),
 ]
 Config = Annotated[
     Path | None,
@@ -171,6 +174,7 @@ def show_config(sensor: Sensor = None, config: Config = None) -> None:
 
 app.command("extract")(extract_scan)
 app.command()(simulate)
+app.command()(devices)
 app.command()(emulate)
 app.command()(export)
 app.add_typer(world)

@@ -81,7 +81,7 @@ def decode_pairs(capsules: Packets, measured: Measured, first: int, last_encoder
     """
     count = measured.ranges.shape[1]
     starts = starts_q6(capsules)
-    turned = np.diff(starts) % TURN_Q6
+    turned = (starts[1:] - starts[:-1]) % TURN_Q6
     encoder = (starts[:-1, None] + (turned[:, None] * np.arange(count)) / count).reshape(-1)
     encoder -= TURN_Q6 * (encoder >= TURN_Q6)
     angles = encoder * RADIANS_PER_Q6
@@ -91,7 +91,7 @@ def decode_pairs(capsules: Packets, measured: Measured, first: int, last_encoder
         angles_clockwise=angles,
         ranges=measured.ranges.reshape(-1),
         qualities=measured.qualities.reshape(-1),
-        starts=np.diff(encoder, prepend=last_encoder) < 0.0,
+        starts=encoder < np.concatenate([[last_encoder], encoder[:-1]]),
         packets=np.repeat(np.arange(first, first + len(turned)), count),
     )
 

@@ -43,7 +43,7 @@ class SampleClock:
             self._begins.popleft()
 
     def times(self, packet: int, count: int) -> Array:
-        """Times of samples from the first of a packet on, shape (count,) [s]; they never go back."""
+        """Tell the times of samples from the first of a packet on, shape (count,) [s]; they never go back."""
         begin = min(begin for _, begin in self._begins) - self._delay
         times = begin + self._period * (packet * self._samples + np.arange(count))
         times = np.maximum(times, self._latest)

@@ -1,6 +1,6 @@
 """What became of the bytes of a scanner."""
 
-from dataclasses import astuple, dataclass
+from dataclasses import dataclass
 from typing import Self
 
 
@@ -34,4 +34,4 @@ class Counts:
     reconnects: int = 0
 
     def __add__(self, other: Self) -> Self:
-        return type(self)(*map(sum, zip(astuple(self), astuple(other), strict=True)))
+        return type(self)(*(getattr(self, name) + getattr(other, name) for name in self.__slots__))

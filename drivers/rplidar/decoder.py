@@ -30,7 +30,7 @@ class SampleDecoder:
         self._counts = Counts()
         self._join = Join.RESTART
         self._received = 0
-        self._waiting: Packets = np.empty(0, self._format.dtype)
+        self._waiting = b""  # the capsule that the next one completes
         self._turned = Steady()
         self._last_encoder = np.nan
         self._last_angle = np.nan
@@ -65,11 +65,12 @@ class SampleDecoder:
         """Decode capsules that have a next one."""
         if gap:
             self._lose()
-            self._waiting = self._waiting[:0]
-        old = len(self._waiting)
-        capsules = np.concatenate([self._waiting, packets])
+            self._waiting = b""
+        old = len(self._waiting) // self._format.size
+        capsules = np.frombuffer(self._waiting + packets.tobytes(), self._format.dtype)
         first = self._received - old
-        turned = (np.diff(starts_q6(capsules)) % TURN_Q6).tolist()
+        starts = starts_q6(capsules)
+        turned = ((starts[1:] - starts[:-1]) % TURN_Q6).tolist()
         restarted = restarts(capsules).tolist()
         found: list[Samples] = []
         begin = 0
@@ -85,7 +86,7 @@ class SampleDecoder:
                 self._counts += Counts(discontinuities=1)
                 self._lose()
         found += self._pairs(capsules[begin:], first + begin)
-        self._waiting = capsules[-1:].copy()
+        self._waiting = capsules[-1:].tobytes()
         self._received += len(packets)
         return found
 
