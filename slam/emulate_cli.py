@@ -49,9 +49,8 @@ def emulate(
     The robot leaves with the first sample and stands when it is at the end of its path. The device listens at the baud
     rate of the model. In the end it prints what was sent, and what each fault destroyed of it.
     """
-    from sim.emulator import FAULTS, MODELS, Device, Scene
+    from sim.emulator import FAULTS, MODELS, Device, Scene, single_beams
     from sim.emulator.terminal import Terminal
-    from sim.lidar import Lidar
     from sim.site_run import site_run
     from sim.sites import find_site
     from sim.waypoints import read_waypoints
@@ -62,8 +61,8 @@ def emulate(
     waypoints = site.waypoints if path is None else read_waypoints(path)
     if waypoints is not None:
         waypoints = _laps(waypoints, laps)
-    sensor = "rplidar-s1"
-    run = site_run(site, Lidar.of_preset(sensor), sensor, seed, waypoints, may_be_open=may_be_open)
+    sensor = f"rplidar-{model.lower()}"
+    run = site_run(site, single_beams(sensor), sensor, seed, waypoints, may_be_open=may_be_open)
     names = set(fault or ())
     names = set(FAULTS) if "all" in names else names
     try:

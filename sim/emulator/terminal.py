@@ -45,10 +45,11 @@ class Terminal:
     device : the scanner; its clock begins when the context is entered.
     link : symbolic link to keep on the terminal; a link that is there is replaced. None for none.
     said : is told the path whenever the scanner is plugged in.
+    begin : what the device's clock shows when the context is entered [s].
 
     Attributes
     ----------
-    started : time at which the device's clock began [s since 1970]; zero before.
+    started : time at which the device's clock was zero [s since 1970].
 
     Raises
     ------
@@ -57,17 +58,21 @@ class Terminal:
     """
 
     def __init__(
-        self, device: Device, link: Path | None = None, said: Callable[[str], None] = lambda path: None
+        self,
+        device: Device,
+        link: Path | None = None,
+        said: Callable[[str], None] = lambda path: None,
+        begin: float = 0.0,
     ) -> None:
         self._device, self._link, self._said = device, link, said
         self._master: int | None = None
         self._path = ""
         self._backlog = b""
-        self._begun = 0.0
-        self.started = 0.0
+        self._begin = begin
+        self._started = self.started = 0.0
 
     def __enter__(self) -> Self:
-        self._begun, self.started = time.monotonic(), time.time()
+        self._started, self.started = time.monotonic() - self._begin, time.time() - self._begin
         self._plug_in()
         return self
 
@@ -80,7 +85,7 @@ class Terminal:
     @property
     def now(self) -> float:
         """Time on the device's clock [s]."""
-        return time.monotonic() - self._begun
+        return time.monotonic() - self._started
 
     def serve(self, stopped: Callable[[], bool]) -> None:
         """Be the scanner until told to stop."""

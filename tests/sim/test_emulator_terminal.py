@@ -20,10 +20,10 @@ HEALTH = bytes.fromhex("a55a0300000006000000")
 
 
 @contextmanager
-def plugged(device: Device, link: Path) -> Iterator[list[str]]:
+def plugged(device: Device, link: Path, begin: float = 0.0) -> Iterator[list[str]]:
     """Serve a device in a thread; what is yielded are the paths that were told."""
     ended, told = threading.Event(), []
-    with Terminal(device, link, told.append) as terminal:
+    with Terminal(device, link, told.append, begin) as terminal:
         thread = threading.Thread(target=terminal.serve, args=(ended.is_set,))
         thread.start()
         try:
@@ -68,16 +68,19 @@ def test_at_another_rate_nobody_understands(tmp_path: Path) -> None:
         assert port.read(10) == HEALTH
 
 
+def read_on(port: serial.Serial) -> None:
+    while True:
+        port.read(1000)
+
+
 def test_a_pulled_cable_ends_the_connection_and_the_link_comes_back(tmp_path: Path) -> None:
-    link = tmp_path / "lidar"
-    device = make(faults=("unplug",))
-    device.write(express_scan(1), 0.0)
-    device.read(10.0)
-    with plugged(device, link) as told:
-        # The clock of the terminal begins at zero, where the device is ten seconds ahead: it goes on from there.
-        with opened(link) as port, pytest.raises(serial.SerialException):
-            while True:
-                port.read(1000)
+    """A cable that should have been pulled long ago is pulled as soon as there is a scan."""
+    link, device = tmp_path / "lidar", make(faults=("unplug",))
+    with plugged(device, link, begin=100.0) as told:
+        with opened(link) as port:
+            port.write(express_scan(1))
+            with pytest.raises(serial.SerialException):
+                read_on(port)
         while len(told) < 2:
             threading.Event().wait(0.01)
         with opened(link) as port:
@@ -93,7 +96,10 @@ def test_a_link_is_replaced_and_anything_else_is_not(tmp_path: Path) -> None:
         assert os.readlink(link).startswith("/dev/")
     assert not link.is_symlink()
     link.write_text("precious")
-    with pytest.raises(EmulatorError, match="no link can be made here: there is something else"), Terminal(make(), link):
+    with (
+        pytest.raises(EmulatorError, match="no link can be made here: there is something else"),
+        Terminal(make(), link),
+    ):
         pass
     assert link.read_text() == "precious"
     with pytest.raises(EmulatorError, match="No such file"), Terminal(make(), tmp_path / "nowhere" / "lidar"):
@@ -101,11 +107,10 @@ def test_a_link_is_replaced_and_anything_else_is_not(tmp_path: Path) -> None:
 
 
 def test_what_nobody_listens_to_is_gone() -> None:
+    """Five seconds are over before the terminal is there, of which more than three are samples."""
     device = make()
     device.write(express_scan(1), 0.0)
-    turns = iter(range(3))
-    with Terminal(device) as terminal:
-        device.read(5.0)
-        terminal._begun -= 6.0  # one second of samples is due
+    turns = iter(range(2))
+    with Terminal(device, begin=5.0) as terminal:
         terminal.serve(lambda: next(turns, None) is None)
-    assert device.ledger.losses["nobody"].bytes > 15000
+    assert device.ledger.losses["nobody"].bytes > 60000
