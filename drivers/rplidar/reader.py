@@ -17,7 +17,7 @@ SPIN_UP = 10.0
 """For the first bytes of a scan: they wait until the head turns steadily [s]."""
 
 SILENCE = 3.0
-"""Without bytes, later, after which the scanner is lost; a computer that stalls for 2 s is still served [s]."""
+"""Without bytes, later, after which the scanner is lost [s]."""
 
 FRUITLESS = 5.0
 """Without a revolution although bytes come, after which the scanner is lost; in seconds of the full link."""
