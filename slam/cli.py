@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 import typer
 
 from slam.cli_options import LOG, Config, OdomTopic, Out, Overwrite, ScanTopic, Sensor
+from slam.device_cli import devices
 from slam.emulate_cli import emulate
 from slam.finish_cli import leave, save
 from slam.live_cli import live, record, replay
@@ -191,6 +192,7 @@ def show_config(sensor: Sensor = None, config: Config = None) -> None:
 
 app.command("extract")(extract_scan)
 app.command()(simulate)
+app.command()(devices)
 app.command()(emulate)
 app.command()(live)
 app.command()(record)

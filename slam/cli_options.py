@@ -22,7 +22,9 @@ Out = Annotated[Path | None, typer.Option("--out", help="Run folder; default run
 Overwrite = Annotated[bool, typer.Option("--overwrite", help="Write into the run folder although it is not empty.")]
 Sensor = Annotated[
     str | None,
-    typer.Option("--sensor", help="Sensor preset: rplidar-s1 or sick-lms; default: the source's.", show_default=False),
+    typer.Option(
+        "--sensor", help="Sensor preset, such as rplidar-s1 or sick-lms; default: the source's.", show_default=False
+    ),
 ]
 Config = Annotated[
     Path | None,

@@ -49,9 +49,8 @@ def emulate(
     The robot leaves with the first sample and stands when it is at the end of its path. The device listens at the baud
     rate of the model. In the end it prints what was sent, and what each fault destroyed of it.
     """
-    from sim.emulator import FAULTS, MODELS, Device, Scene
+    from sim.emulator import FAULTS, MODELS, Device, Scene, single_beams
     from sim.emulator.terminal import Terminal
-    from sim.lidar import Lidar
     from sim.site_run import site_run
     from sim.sites import find_site
     from sim.waypoints import read_waypoints
@@ -62,8 +61,8 @@ def emulate(
     waypoints = site.waypoints if path is None else read_waypoints(path)
     if waypoints is not None:
         waypoints = _laps(waypoints, laps)
-    sensor = "rplidar-s1"
-    run = site_run(site, Lidar.of_preset(sensor), sensor, seed, waypoints, may_be_open=may_be_open)
+    sensor = f"rplidar-{model.lower()}"
+    run = site_run(site, single_beams(sensor), sensor, seed, waypoints, may_be_open=may_be_open)
     names = set(fault or ())
     names = set(FAULTS) if "all" in names else names
     try:
@@ -93,14 +92,12 @@ def _laps(waypoints: Array, laps: int) -> Array:
 
 def _table(ledger: Ledger) -> Iterator[str]:
     """Lines that tell what was sent and what was lost."""
-    yield f"{'sent':16s} {ledger.packets:10,} packets {ledger.samples:12,} samples {ledger.revolutions:8,} revolutions"
+    yield f"{'sent':16s} {ledger.packets:,} packets, {ledger.samples:,} samples, {ledger.revolutions:,} revolutions"
+    columns = ("events", "bytes", "packets", "debris", "samples", "revolutions")
     if ledger.losses:
-        yield f"{'lost':16s} {'events':>8s} {'bytes':>10s} {'packets':>10s} {'samples':>10s} {'revolutions':>12s}"
+        yield f"{'lost to':16s}" + "".join(f"{column:>12s}" for column in columns)
     for cause, loss in sorted(ledger.losses.items()):
-        yield (
-            f"{cause:16s} {loss.events:8,} {loss.bytes:10,} {loss.packets:10,} {loss.samples:10,} "
-            f"{loss.revolutions:12,}"
-        )
+        yield f"{cause:16s}" + "".join(f"{getattr(loss, column):12,}" for column in columns)
 
 
 def _write_truth(path: Path, trajectory: Trajectory, device: Device, started: float, end: float) -> None:

@@ -166,7 +166,9 @@ def extract_scan(
     plot: Annotated[Path | None, typer.Option("--plot", help="PNG file to draw.", show_default=False)] = None,
     sensor: Annotated[
         str | None,
-        typer.Option("--sensor", help="Sensor preset: rplidar-s1 or sick-lms; default: the log's.", show_default=False),
+        typer.Option(
+            "--sensor", help="Sensor preset, such as rplidar-s1 or sick-lms; default: the log's.", show_default=False
+        ),
     ] = None,
     config: Annotated[
         Path | None, typer.Option("--config", help="TOML file with any of the keys that `cwlf-slam config` prints.")

@@ -52,12 +52,11 @@ def test_the_readme_has_no_snippet_that_is_not_run() -> None:
     assert len(SNIPPETS) == 2
 
 
-def test_the_snippet_of_the_simulator_page_runs() -> None:
-    snippets = re.findall(
-        r"```python\n(.*?)```", (ROOT / "docs" / "simulator.md").read_text(encoding="utf-8"), re.DOTALL
-    )
+@pytest.mark.parametrize("page", ["simulator.md", "emulator.md"])
+def test_the_snippets_of_a_page_run(page: str) -> None:
+    snippets = re.findall(r"```python\n(.*?)```", (ROOT / "docs" / page).read_text(encoding="utf-8"), re.DOTALL)
     names: dict[str, object] = {}
-    exec(compile("\n".join(snippets), "simulator.md", "exec"), names)
+    exec(compile("\n".join(snippets), page, "exec"), names)
     assert (names["found"].person_ids == 0).any()  # type: ignore[attr-defined]
 
 

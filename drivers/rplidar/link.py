@@ -46,9 +46,8 @@ class Link:
         try:
             self._serial.open()
         except (OSError, ValueError) as error:
-            number = getattr(error, "errno", None)
-            hint = _HINTS.get(number or 0, str(error))
-            raise DriverError(f"{port}: {hint}") from None
+            hint = _HINTS.get(getattr(error, "errno", None) or 0)
+            raise DriverError(f"{port}: {hint or f'cannot be opened as a serial port ({error})'}") from None
 
     @property
     def baud(self) -> int:

@@ -16,7 +16,7 @@ READ_INTERVAL = 0.01
 SPIN_UP = 10.0
 """For the first bytes of a scan: they wait until the head turns steadily [s]."""
 
-SILENCE = 2.0
+SILENCE = 3.0
 """Without bytes, later, after which the scanner is lost [s]."""
 
 FRUITLESS = 5.0

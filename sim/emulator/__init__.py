@@ -4,6 +4,6 @@ from sim.emulator.device import Device
 from sim.emulator.faults import FAULTS
 from sim.emulator.ledger import Ledger, Loss
 from sim.emulator.models import MODELS, Mode, Model, Motor
-from sim.emulator.scene import Scene
+from sim.emulator.scene import Scene, single_beams
 
-__all__ = ["FAULTS", "MODELS", "Device", "Ledger", "Loss", "Mode", "Model", "Motor", "Scene"]
+__all__ = ["FAULTS", "MODELS", "Device", "Ledger", "Loss", "Mode", "Model", "Motor", "Scene", "single_beams"]

@@ -5,9 +5,23 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from features.se2 import Array
+from features.sensor import sensor_preset
 from sim.lidar import Lidar
 from sim.robot import Trajectory
 from sim.world import World
+
+
+def single_beams(preset: str) -> Lidar:
+    """Scanner with the noise and the limits of a sensor preset, whose beams are told one by one."""
+    model = sensor_preset(preset)
+    return Lidar(
+        angles=np.zeros(0),
+        sigma_range=model.sigma_range,
+        sigma_bearing=model.sigma_bearing,
+        range_min=model.range_min,
+        range_max=model.range_max,
+        rate=10.0,
+    )
 
 
 @dataclass(frozen=True, slots=True, eq=False)

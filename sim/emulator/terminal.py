@@ -5,6 +5,7 @@ import fcntl
 import os
 import select
 import struct
+import termios
 import time
 import tty
 from collections.abc import Callable
@@ -22,6 +23,9 @@ _TICK = 1e-3
 
 _PATIENCE = 0.05
 """How long to wait at most before looking whether to stop [s]."""
+
+_READ_TRIES = 200
+"""Ticks that the host has to read the last bytes before the cable is pulled."""
 
 _TCGETS2, _TERMIOS2 = 0x802C542A, "=4IB19s2I"
 """Request and layout for the settings of a terminal with their baud rates, also those that POSIX has no name for."""
@@ -41,10 +45,11 @@ class Terminal:
     device : the scanner; its clock begins when the context is entered.
     link : symbolic link to keep on the terminal; a link that is there is replaced. None for none.
     said : is told the path whenever the scanner is plugged in.
+    begin : what the device's clock shows when the context is entered [s].
 
     Attributes
     ----------
-    started : time at which the device's clock began [s since 1970]; zero before.
+    started : time at which the device's clock was zero [s since 1970].
 
     Raises
     ------
@@ -53,17 +58,21 @@ class Terminal:
     """
 
     def __init__(
-        self, device: Device, link: Path | None = None, said: Callable[[str], None] = lambda path: None
+        self,
+        device: Device,
+        link: Path | None = None,
+        said: Callable[[str], None] = lambda path: None,
+        begin: float = 0.0,
     ) -> None:
         self._device, self._link, self._said = device, link, said
         self._master: int | None = None
         self._path = ""
         self._backlog = b""
-        self._begun = 0.0
-        self.started = 0.0
+        self._begin = begin
+        self._started = self.started = 0.0
 
     def __enter__(self) -> Self:
-        self._begun, self.started = time.monotonic(), time.time()
+        self._started, self.started = time.monotonic() - self._begin, time.time() - self._begin
         self._plug_in()
         return self
 
@@ -76,7 +85,7 @@ class Terminal:
     @property
     def now(self) -> float:
         """Time on the device's clock [s]."""
-        return time.monotonic() - self._begun
+        return time.monotonic() - self._started
 
     def serve(self, stopped: Callable[[], bool]) -> None:
         """Be the scanner until told to stop."""
@@ -91,6 +100,7 @@ class Terminal:
                 self._plug_in()
             self._pass_on(self._master_fd)
             if device.away_until is not None:
+                self._let_read()
                 self._pull_out()
                 continue
             wait = min(max(device.next_time - self.now, _TICK), _PATIENCE)
@@ -144,6 +154,18 @@ class Terminal:
                 self._pull_out()
                 raise EmulatorError(f"{self._link}: no link can be made here: {error.strerror}") from None
         self._said(path)
+
+    def _let_read(self) -> None:
+        """Wait until the host has what was sent before the cable is pulled: else the counts would not be exact."""
+        terminal = os.open(self._path, os.O_RDONLY | os.O_NOCTTY | os.O_NONBLOCK)
+        try:
+            for _ in range(_READ_TRIES):
+                (waiting,) = struct.unpack("=i", fcntl.ioctl(terminal, termios.FIONREAD, bytes(4)))
+                if waiting == 0:
+                    break
+                time.sleep(_TICK)
+        finally:
+            os.close(terminal)
 
     def _pull_out(self) -> None:
         if self._master is not None:

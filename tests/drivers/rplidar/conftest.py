@@ -1,0 +1,72 @@
+"""An emulated scanner in the middle of a room, in memory or at the end of a pseudo-terminal."""
+
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+import numpy as np
+import pytest
+
+from drivers.rplidar import RequestReader
+from sim.emulator import MODELS, Device, Scene
+from sim.emulator.terminal import Terminal
+from sim.lidar import Lidar
+from sim.robot import Trajectory
+from sim.worlds import room
+
+
+def make_device(model="S1", faults=(), seed=1):
+    standing = Trajectory(1.0, np.array([[2.0, 2.0, 0.5]]))
+    return Device(MODELS[model], Scene(room(), Lidar.of_preset("rplidar-s1"), standing), seed, faults)
+
+
+class Scanner:
+    """A scanner at the end of a pseudo-terminal that a link leads to; ``heard`` are the requests it got."""
+
+    def __init__(self, link, device):
+        self.port, self.device, self.heard = str(link), device, []
+        self._plugged = threading.Event()
+        self._unplugged = threading.Event()
+        self._reader, write = RequestReader(), device.write
+
+        def listen(data, time, baud=None):
+            self.heard += self._reader.feed(data)
+            write(data, time, baud)
+
+        device.write = listen
+        self._terminal = Terminal(device, link, lambda path: self._plugged.set())
+        self._thread = threading.Thread(target=self._serve)
+
+    def _serve(self):
+        with self._terminal as terminal:
+            terminal.serve(self._unplugged.is_set)
+
+    def plug_in(self):
+        self._thread.start()
+        assert self._plugged.wait(30.0)
+
+    def unplug(self):
+        self._unplugged.set()
+        self._thread.join(30.0)
+        assert not self._thread.is_alive()
+
+
+@pytest.fixture
+def device():
+    return make_device
+
+
+@pytest.fixture
+def scanner(tmp_path):
+    """Plug a scanner in; it is pulled out at the end of the context."""
+
+    @contextmanager
+    def plugged_in(model="S1", faults=()) -> Iterator[Scanner]:
+        emulated = Scanner(tmp_path / "scanner", make_device(model, faults))
+        emulated.plug_in()
+        try:
+            yield emulated
+        finally:
+            emulated.unplug()
+
+    return plugged_in
