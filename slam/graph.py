@@ -53,7 +53,7 @@ class LandmarkGraph:
     def poses_world_robot(self) -> Array:
         """Poses of the key frames by all that :meth:`update` has taken in, shape (n, 3)."""
         if self._moved and self._isam is not None:
-            self._poses = gtsam.utilities.extractPose2(self._isam.calculateEstimate())
+            self._poses = np.ascontiguousarray(gtsam.utilities.extractPose2(self._isam.calculateEstimate()))
             self._moved = False
         return self._poses[: len(self)]
 

@@ -83,7 +83,7 @@ class Problem:
         tree = fit.tree()
         covs = [tree.marginalCovariance(L(landmark)) for landmark in self.landmarks.tolist()]
         return GraphEstimate(
-            poses_world_robot=gtsam.utilities.extractPose2(fit.values).reshape(-1, 3),
+            poses_world_robot=np.ascontiguousarray(gtsam.utilities.extractPose2(fit.values).reshape(-1, 3)),
             landmarks=self.landmarks,
             positions_world=gtsam.utilities.extractPoint2(fit.values).reshape(-1, 2),
             covs=np.array(covs).reshape(-1, 2, 2),

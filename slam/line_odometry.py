@@ -121,7 +121,7 @@ class LineOdometry:
             The pose or its covariance is no longer finite.
         """
         self._drifting.move(*self._motion.step(stamp, pose_odom_robot))
-        if not (np.isfinite(self._drifting.pose).all() and np.isfinite(self._drifting.cov).all()):
+        if not self._drifting.finite:
             raise DivergedError("the pose or its covariance is no longer finite: look at the odometry")
 
     def look(self, scan: LaserScan, lines: Lines) -> ScanPoints:
@@ -147,7 +147,7 @@ class LineOdometry:
 
         From the same place the errors of the walls are the same: to average over them would be to believe them.
         """
-        return bool((np.diag(self._since_correction.motion_cov) < STANDING).all())
+        return bool((self._since_correction.motion_cov.diagonal() < STANDING).all())
 
     def add_key_frame(self) -> None:
         """Put the walls of the latest scan on the line map."""
