@@ -20,7 +20,8 @@ FORMAT = "cwlf-checkpoint"
 
 OWN_PACKAGES = ("drivers", "features", "slam")
 
-ARRAYS = {
+VALUES = {
+    ("builtins", "complex"),
     ("collections", "deque"),
     ("numpy", "dtype"),
     ("numpy", "ndarray"),
@@ -99,7 +100,10 @@ def read_checkpoint(folder: Path) -> tuple[Slam, Stand]:
             f"{path}: is of another version of the program or its libraries; run without --resume, with --overwrite, "
             "to begin anew"
         )
-    slam = _Unpickler(io.BytesIO(state)).load()
+    try:
+        slam = _Unpickler(io.BytesIO(state)).load()
+    except pickle.UnpicklingError as error:
+        raise RunFolderError(f"{path}: is no checkpoint: {error}") from None
     return slam, Stand(header["log"], header["records"], bytes.fromhex(header["digest"]))
 
 
@@ -133,6 +137,6 @@ class _Unpickler(pickle.Unpickler):
     def find_class(self, module_name: str, global_name: str) -> Any:
         found = super().find_class(module_name, global_name)
         own = isinstance(found, type) and found.__module__.partition(".")[0] in OWN_PACKAGES
-        if own or (module_name, global_name) in ARRAYS:
+        if own or (module_name, global_name) in VALUES:
             return found
         raise pickle.UnpicklingError(f"{module_name}.{global_name} does not belong in a checkpoint")

@@ -23,7 +23,6 @@ if TYPE_CHECKING:
 
 app = typer.Typer(
     name="cwlf-slam",
-    help="2D-lidar landmark SLAM on CWLF corners: a log in, a trajectory and a landmark map out.",
     no_args_is_help=True,
     add_completion=False,
     pretty_exceptions_enable=False,
@@ -53,6 +52,23 @@ def main() -> None:
             raise
         typer.echo(f"cwlf-slam: {error}", err=True)
         sys.exit(1)
+
+
+def _print_version(asked: bool) -> None:
+    if asked:
+        from importlib.metadata import version
+
+        typer.echo(f"cwlf-slam {version('cwlf-slam')}")
+        raise typer.Exit
+
+
+@app.callback()
+def options(
+    version: Annotated[
+        bool, typer.Option("--version", callback=_print_version, is_eager=True, help="Print the version and leave.")
+    ] = False,
+) -> None:
+    """2D-lidar landmark SLAM on CWLF corners: a log in, a trajectory and a landmark map out."""
 
 
 @app.command()
