@@ -68,7 +68,7 @@ class MrclamLog:
     @property
     def sensor(self) -> str:
         """Name of the sensor preset: the camera of the data sets."""
-        return "mrclam"
+        return "mrclam-camera"
 
     @property
     def mounting(self) -> Mounting:
@@ -83,7 +83,9 @@ class MrclamLog:
     def __iter__(self) -> Iterator[Frame]:
         """Yield the frames in the order of their stamps; each call starts at the first."""
         poses = integrate(self._odometry, self._stamps)
-        starts, ends = (np.searchsorted(self._measurements[:, 0], self._stamps, side=side) for side in ("left", "right"))
+        starts, ends = (
+            np.searchsorted(self._measurements[:, 0], self._stamps, side=side) for side in ("left", "right")
+        )
         for k, (stamp, pose_odom_robot) in enumerate(zip(self._stamps.tolist(), poses, strict=True)):
             self._read = k + 1
             here = slice(starts[k], ends[k])
@@ -142,10 +144,9 @@ def _robot(path: Path) -> int:
     if len(robots) == 1:
         return robots[0]
     if not robots:
-        raise LogFormatError(f"{path}: is a folder without Robot<N>_Odometry.dat: expected a log, or an MRCLAM data set")
-    raise LogFormatError(
-        f"{path} holds robots {', '.join(map(str, robots))}: name one of them, such as {path / f'Robot{robots[0]}_Odometry.dat'}"
-    )
+        raise LogFormatError(f"{path}: no Robot<N>_Odometry.dat in this folder: expected a log, or an MRCLAM data set")
+    listed, first = ", ".join(map(str, robots)), path / f"Robot{robots[0]}_Odometry.dat"
+    raise LogFormatError(f"{path} holds robots {listed}: expected the odometry file of one of them, such as {first}")
 
 
 def integrate(odometry: Array, stamps: Array) -> Array:
@@ -158,7 +159,7 @@ def integrate(odometry: Array, stamps: Array) -> Array:
 
     Returns
     -------
-    poses_odom_robot : at the stamps, shape (k, 3) [m, m, rad], of which the first is zero.
+    poses_odom_robot : at the stamps, shape (k, 3) [m, m, rad]; zero at the first moment of both.
     """
     moments = np.union1d(odometry[:, 0], stamps)
     held = np.searchsorted(odometry[:, 0], moments[:-1], side="right") - 1

@@ -45,7 +45,9 @@ def table_rows(path: Path, columns: str) -> Iterator[tuple[int, list[bytes]]]:
     """Yield number and fields of each line that is neither blank nor a comment."""
     for line in LogLineReader(path, f"lines of `{columns}`").lines():
         if line.suspect:
-            raise LogFormatError(f"{path}, line {line.number}: the gzip data end early or are damaged: expected them whole")
+            raise LogFormatError(
+                f"{path}, line {line.number}: the gzip data end early or are damaged: expected them whole"
+            )
         fields = line.text.split()
         if not fields[0].startswith(b"#"):
             yield line.number, fields

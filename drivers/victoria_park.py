@@ -87,7 +87,7 @@ class VictoriaPark:
             newest = vertices[-1]
             if start != newest.number:
                 raise LogFormatError(
-                    f"{where}: an edge from pose {start:g} after pose {newest.number}: expected edges from the newest pose"
+                    f"{where}: the edge is from pose {start:g}: expected one from the newest, {newest.number}"
                 )
             if columns is ODOMETRY:
                 x, y, theta = values[:3]

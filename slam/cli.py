@@ -106,6 +106,9 @@ def run(
     seed: Annotated[
         int | None, typer.Option("--seed", min=0, help="Seed of what is random in a run; default: the configuration's.")
     ] = None,
+    ignore_identities: Annotated[
+        bool, typer.Option("--ignore-identities", help="Associate observed landmarks although the source knows them.")
+    ] = False,
     overwrite: Overwrite = False,
 ) -> None:
     """Process a recorded log into a run folder: trajectory, landmarks, metrics, configuration and map."""
@@ -119,6 +122,9 @@ def run(
     effective = load_config(
         config, preset=sensor, source_preset=source.sensor, source_mounting=source.mounting, seed=seed
     )
+    if ignore_identities:
+        front_end = effective.front_end.model_copy(update={"use_identities": False})
+        effective = effective.model_copy(update={"front_end": front_end})
     with claimed(out or default_folder(source.name, datetime.now()), overwrite=overwrite) as folder:
         result, error = _process(source, effective, limit)
         _save(folder, source.name, result, error)
@@ -151,7 +157,7 @@ def evaluate(
     if relations is not None:
         report |= evaluate_relations(relations, trajectory)
     if truth is not None:
-        report |= evaluate_truth(truth, trajectory, read_landmarks(run))
+        report |= evaluate_truth(truth, trajectory, *read_landmarks(run))
     if as_json:
         import json
 

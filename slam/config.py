@@ -117,6 +117,9 @@ class FrontEndConfig(_Section):
     update_angle_deg: float = Field(
         default=3.0, ge=0.0, description="turn after which corners update the filter again [deg]"
     )
+    use_identities: bool = Field(
+        default=True, description="take the identities of observed landmarks, where the source knows them"
+    )
     association: Literal["joint", "nearest"] = Field(
         default="joint", description="pairs by joint compatibility (JCBB), or nearest neighbour: joint or nearest"
     )
