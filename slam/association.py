@@ -109,7 +109,10 @@ def associate(corners_robot: Corners, ekf: LandmarkEkf, signatures: Signatures, 
 
     same_kind = corners_robot.convex[:, None] == signatures.convex[None, :]
     near = same_kind & (np.hypot(innovations[..., 0], innovations[..., 1]) < gates.birth_distance)
-    explained = (near | (admitted <= gates.birth)).any(axis=1)
+    explaining = near | (admitted <= gates.birth)
+    # Points have no signature that tells a real one from half of another: two seen at once are two, however near.
+    explaining[np.ix_(np.isnan(corners_robot.opening_angles), landmarks)] = False
+    explained = explaining.any(axis=1)
     explained[corners] = True
     return Association(corners, landmarks, np.flatnonzero(~explained), nis)
 

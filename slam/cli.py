@@ -31,12 +31,19 @@ Out = Annotated[Path | None, typer.Option("--out", help="Run folder; default run
 Overwrite = Annotated[bool, typer.Option("--overwrite", help="Write into the run folder although it is not empty.")]
 Sensor = Annotated[
     str | None,
-    typer.Option("--sensor", help="Sensor preset: rplidar-s1 or sick-lms; default: the source's.", show_default=False),
+    typer.Option(
+        "--sensor",
+        help="Sensor preset: rplidar-s1, sick-lms or mrclam-camera; default: the source's.",
+        show_default=False,
+    ),
 ]
 Config = Annotated[
     Path | None,
     typer.Option("--config", help="TOML file with any of the keys that `cwlf-slam config` prints."),
 ]
+VICTORIA_PARK = Path("victoria-park")
+"""A data set by its name instead of its path."""
+
 Json = Annotated[bool, typer.Option("--json", help="Print JSON.")]
 
 
@@ -97,7 +104,12 @@ def demo(
 @app.command()
 def run(
     log: Annotated[
-        Path, typer.Argument(help="Recording, or CARMEN log (.clf or .log, also gzipped).", show_default=False)
+        Path,
+        typer.Argument(
+            help="Recording, CARMEN log (.clf or .log) or list of edges, also gzipped; folder of an MRCLAM data set; "
+            "or victoria-park, which comes with GTSAM.",
+            show_default=False,
+        ),
     ],
     sensor: Sensor = None,
     config: Config = None,
@@ -118,7 +130,7 @@ def run(
     from slam.config import load_config
     from slam.run_folder import claimed, default_folder
 
-    source = open_log(log)
+    source = open_log(_victoria_park() if log == VICTORIA_PARK and not log.exists() else log)
     effective = load_config(
         config, preset=sensor, source_preset=source.sensor, source_mounting=source.mounting, seed=seed
     )
@@ -137,7 +149,9 @@ def evaluate(
     relations: Annotated[
         Path | None, typer.Option("--relations", help="True relations of pairs of poses (Freiburg benchmark).")
     ] = None,
-    truth: Annotated[Path | None, typer.Option("--truth", help="True trajectory (TUM), or the recording.")] = None,
+    truth: Annotated[
+        Path | None, typer.Option("--truth", help="True trajectory (TUM), the recording, or the MRCLAM data set.")
+    ] = None,
     which: Annotated[
         Literal["final", "online", "odometry"],
         typer.Option(
@@ -181,6 +195,14 @@ app.add_typer(world)
 app.add_typer(study)
 
 
+def _victoria_park() -> Path:
+    """Find the data set in GTSAM's package, without the time that it takes to import it."""
+    from importlib.util import find_spec
+
+    package = find_spec("gtsam")
+    return Path(next(iter(package.submodule_search_locations or [])) if package else ".", "Data", "victoria_park.txt")
+
+
 def _process(source: FrameSource, config: SlamConfig, limit: int | None = None) -> tuple[SlamResult, CwlfError | None]:
     """Run the source through SLAM; Ctrl-C and broken data end it early with what was done so far.
 
@@ -201,7 +223,7 @@ def _process(source: FrameSource, config: SlamConfig, limit: int | None = None) 
             try:
                 for frame in source:
                     slam.process(frame)
-                    if frame.scan is not None:
+                    if frame.scan is not None or frame.observations is not None:
                         progress.update(source.progress, slam.scans)
                     if interrupt.requested or slam.scans == limit:
                         break

@@ -1,6 +1,7 @@
 """The filter on the landmarks near the robot, and the life of landmarks: birth, merging, rest and end."""
 
 import math
+from itertools import combinations
 
 import numpy as np
 from numpy.typing import NDArray
@@ -50,6 +51,7 @@ class FrontEnd:
         self.table = LandmarkTable()
         self.local: Indices = np.empty(0, np.int64)
         self.returned = False
+        self._seen_at_once: set[tuple[int, int]] = set()
         self._gates = gates
         self._keep_distance = keep_distance
 
@@ -89,6 +91,7 @@ class FrontEnd:
             ekf.add_landmarks(corners_robot.positions[new], np.asarray(block_diag(*corners_robot.covs[new])))
             landmarks[new] = self._enter(corners_robot, new, identities)
             self.local = np.concatenate([self.local, landmarks[new]])
+        self._remember_apart(landmarks[np.isnan(corners_robot.opening_angles) & (landmarks >= 0)])
         return Association(matched, landmarks[matched], new, association.nis), landmarks
 
     def _enter(self, corners_robot: Corners, new: Indices, identities: Indices | None) -> Indices:
@@ -103,6 +106,10 @@ class FrontEnd:
         table.see(landmarks[back], corners_robot, new[back], heading)
         landmarks[~back] = table.add(corners_robot, new[~back], heading, identities[new[~back]])
         return landmarks
+
+    def _remember_apart(self, points: Indices) -> None:
+        """Points that were seen at once are not one, however near they are."""
+        self._seen_at_once.update(combinations(sorted(points.tolist()), 2))
 
     def miss(self, scan: LaserScan, sensor: SensorModel, seen: Indices) -> None:
         """End landmarks whose place the beams went through more often than they were seen; none ``seen`` just now."""
@@ -191,6 +198,8 @@ class FrontEnd:
             & similar(opening, orientation, gates)
         )
         for i, j, difference in zip(a[close], b[close], apart[close], strict=True):
+            if tuple(sorted((int(self.local[i]), int(self.local[j])))) in self._seen_at_once:
+                continue
             H = self._difference(int(i), int(j))
             if difference @ np.linalg.solve((H @ (H @ self.ekf.P).T), difference) <= gates.match:
                 return int(i), int(j)
