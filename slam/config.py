@@ -2,7 +2,7 @@
 
 import math
 import tomllib
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any, Literal
 
@@ -198,6 +198,12 @@ class SlamConfig(_Section):
         return cls(sensor=SensorConfig.of_preset(preset, mounting))
 
 
+def without_identities(config: SlamConfig) -> SlamConfig:
+    """Return a configuration that takes no identity of an observed landmark."""
+    front_end = config.front_end.model_copy(update={"use_identities": False})
+    return config.model_copy(update={"front_end": front_end})
+
+
 def load_config(
     path: Path | None,
     *,
@@ -244,6 +250,28 @@ def load_config(
         raise ConfigError(f"{where}{key}: {reason}") from None
     except ValueError as error:
         raise ConfigError(f"{where}sensor.preset: {error}") from None
+
+
+def check_same(before: SlamConfig, now: SlamConfig, whose: str) -> None:
+    """Refuse a configuration that is not that of ``whose`` run.
+
+    Raises
+    ------
+    ConfigError
+        A value differs; the message names the first.
+    """
+    pairs = zip(_leaves(before.model_dump()), _leaves(now.model_dump()), strict=True)
+    for (key, was), (_, wanted) in pairs:
+        if was != wanted:
+            raise ConfigError(f"{whose} has {key} = {was!r}, not {wanted!r}; leave the configuration to it")
+
+
+def _leaves(values: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, Any]]:
+    for key, value in values.items():
+        if isinstance(value, dict):
+            yield from _leaves(value, f"{prefix}{key}.")
+        else:
+            yield prefix + key, value
 
 
 def to_toml(config: SlamConfig) -> str:

@@ -1,6 +1,7 @@
 """The filter on the landmarks near the robot, and the life of landmarks: birth, merging, rest and end."""
 
 import math
+from dataclasses import replace
 from itertools import combinations
 
 import numpy as np
@@ -92,7 +93,7 @@ class FrontEnd:
             landmarks[new] = self._enter(corners_robot, new, identities)
             self.local = np.concatenate([self.local, landmarks[new]])
         self._remember_apart(landmarks[np.isnan(corners_robot.opening_angles) & (landmarks >= 0)])
-        return Association(matched, landmarks[matched], new, association.nis), landmarks
+        return replace(association, landmarks=landmarks[matched]), landmarks
 
     def _enter(self, corners_robot: Corners, new: Indices, identities: Indices | None) -> Indices:
         """Landmarks of the observations that are of none in the state: new ones, or by their identity those at rest."""

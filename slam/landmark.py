@@ -1,5 +1,7 @@
 """What is remembered of each landmark beside the filter's state: signature, counts, and where it is while at rest."""
 
+from dataclasses import dataclass
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -10,6 +12,29 @@ Indices = NDArray[np.int64]
 
 LOCAL, MERGED, GONE = -1, -2, -3
 """Instead of a key frame: the landmark is in the filter's state, is another one by now, or is no more."""
+
+
+@dataclass(frozen=True, slots=True)
+class LandmarkCounts:
+    """What became of landmarks.
+
+    Parameters
+    ----------
+    born : all that there were.
+    tentative : not seen often enough yet to be on the map.
+    confirmed : seen often enough.
+    pruned : the beams went through their place more often than they were seen; tentative and confirmed ones.
+    merged : found to be another one.
+    rested, woken : times that landmarks left the filter for a key frame, and came back.
+    """
+
+    born: int
+    tentative: int
+    confirmed: int
+    pruned: int
+    merged: int
+    rested: int
+    woken: int
 
 
 class LandmarkTable:
@@ -38,6 +63,7 @@ class LandmarkTable:
         self.key_frames: Indices = np.empty(0, np.int64)
         self.positions: Array = np.empty((0, 2))
         self.covs: Array = np.empty((0, 2, 2))
+        self._rested = self._woken = 0
 
     def __len__(self) -> int:
         return self.observations.size
@@ -56,6 +82,17 @@ class LandmarkTable:
         """Landmark of each identity, -1 where there is none yet."""
         equal = identities[:, None] == self.identities[None, :]
         return np.where(equal.any(axis=1), equal.argmax(axis=1), -1) if len(self) else np.full(len(identities), -1)
+
+    def confirmed(self, least_observations: int) -> NDArray[np.bool_]:
+        """Whether each landmark was seen so often, and neither pruned nor merged, shape (n,)."""
+        return (self.observations >= least_observations) & (self.key_frames > MERGED)
+
+    def counts(self, least_observations: int) -> LandmarkCounts:
+        """Count what became of them, given how often a landmark has to be seen to be confirmed."""
+        confirmed = int(self.confirmed(least_observations).sum())
+        pruned, merged = int((self.key_frames == GONE).sum()), int((self.key_frames == MERGED).sum())
+        tentative = len(self) - confirmed - pruned - merged
+        return LandmarkCounts(len(self), tentative, confirmed, pruned, merged, self._rested, self._woken)
 
     def add(
         self, corners_robot: Corners, chosen: Indices, heading: float, identities: Indices | None = None
@@ -80,6 +117,7 @@ class LandmarkTable:
 
     def rest(self, landmarks: Indices, key_frame: int, heading: float, positions_robot: Array, covs: Array) -> None:
         """Lay landmarks to rest in a key frame of that heading, at positions (k, 2), covariances (k, 2, 2)."""
+        self._rested += len(landmarks)
         self.turn(landmarks, -heading)
         self.key_frames[landmarks] = key_frame
         self.positions[landmarks] = positions_robot
@@ -87,6 +125,7 @@ class LandmarkTable:
 
     def wake(self, landmarks: Indices, headings: Array) -> None:
         """Take landmarks from rest into the state, where their key frames have these headings."""
+        self._woken += len(landmarks)
         self.turn(landmarks, headings)
         self.key_frames[landmarks] = LOCAL
 
