@@ -8,19 +8,22 @@ from drivers.carmen import CarmenLog
 from drivers.errors import LogFormatError
 from drivers.frame import FrameSource
 from drivers.log_lines import GZIP_MAGIC
+from drivers.mrclam import MrclamLog, is_mrclam
 from drivers.recording import Recording
 from drivers.ros_bag_kind import is_ros_bag
+from drivers.victoria_park import VictoriaPark, is_edge_list
 
 
 def open_log(
     path: str | os.PathLike[str], *, scan_topic: str | None = None, odom_topic: str | None = None
 ) -> FrameSource:
-    """Open a ROS bag, known by its name or its first bytes, a recording of ours, known by these, or else a CARMEN log.
+    """Open a log of any kind, known by its name or by how it begins; what is known as nothing else is of CARMEN.
 
     Parameters
     ----------
-    path : the log, whatever its name, a CARMEN log or recording plain or gzipped; or the folder of a ROS 2 bag.
-    scan_topic, odom_topic : what to take of a bag, see :class:`drivers.ros_bag.RosBag`.
+    path : the log, plain or gzipped; the folder of a ROS 2 bag; of an MRCLAM data set the folder, or the odometry of a
+        robot.
+    scan_topic, odom_topic : what to take of a ROS bag, see :class:`drivers.ros_bag.RosBag`.
 
     Raises
     ------
@@ -33,16 +36,26 @@ def open_log(
         return RosBag(path, scan_topic, odom_topic)
     if scan_topic is not None or odom_topic is not None:
         raise LogFormatError(f"{path} is no ROS bag, so it has no topics: drop --scan-topic and --odom-topic")
-    return Recording(path) if is_recording(path) else CarmenLog(path)
+    if is_mrclam(path):
+        return MrclamLog(path)
+    start = text_start(path)
+    if start.startswith(b"{"):
+        return Recording(path)
+    return VictoriaPark(path) if is_edge_list(start) else CarmenLog(path)
 
 
 def is_recording(path: str | os.PathLike[str]) -> bool:
     """Whether a file begins as a recording does."""
+    return text_start(path).startswith(b"{")
+
+
+def text_start(path: str | os.PathLike[str]) -> bytes:
+    """First bytes of the text of a file, gzipped or not; none where it cannot be read."""
     try:
         with Path(path).open("rb") as file:
             start = file.read(512)
         if start.startswith(GZIP_MAGIC):
             start = zlib.decompressobj(zlib.MAX_WBITS | 16).decompress(start, 64)
     except (OSError, zlib.error):
-        return False  # who reads it says what is wrong with it
-    return start.startswith(b"{")
+        return b""  # who reads it says what is wrong with it
+    return start

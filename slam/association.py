@@ -136,10 +136,42 @@ def associate(corners_robot: Corners, ekf: LandmarkEkf, signatures: Signatures, 
 
     same_kind = corners_robot.convex[:, None] == signatures.convex[None, :]
     near = same_kind & (np.hypot(innovations[..., 0], innovations[..., 1]) < gates.birth_distance)
-    explained = (near | (admitted <= gates.birth)).any(axis=1)
+    explaining = near | (admitted <= gates.birth)
+    # Points have no signature that tells a real one from half of another: two seen at once are two, however near.
+    explaining[np.ix_(np.isnan(corners_robot.opening_angles), landmarks)] = False
+    explained = explaining.any(axis=1)
     explained[corners] = True
-    ambiguous = len(set(rows.tolist()) - set(corners.tolist()))
-    return Association(corners, landmarks, np.flatnonzero(~explained), nis, ambiguous)
+    new = np.flatnonzero(~explained)
+    ambiguous = len(set(rows.tolist()) - set(corners.tolist()) - set(new.tolist()))
+    return Association(corners, landmarks, new, nis, ambiguous)
+
+
+def associate_identified(
+    corners_robot: Corners, identities: Indices, ekf: LandmarkEkf, known: Indices
+) -> tuple[Association, Array]:
+    """Match observations, robot frame, of given identities to the filter's landmarks; of two of a landmark the first.
+
+    Parameters
+    ----------
+    corners_robot, identities : of each observation, shape (k,).
+    ekf, known : the filter, and the identity of each of its landmarks, shape (n,).
+
+    Returns
+    -------
+    association : of all observations, whatever their distances.
+    distances2 : squared Mahalanobis distance of each match by itself, 2 degrees of freedom, shape (m,).
+    """
+    first = np.sort(np.unique(identities, return_index=True)[1])
+    equal = identities[first, None] == known[None, :]
+    matched = equal.any(axis=1)
+    corners, landmarks = first[matched], np.nonzero(equal)[1]
+    if not corners.size:
+        return Association(corners, landmarks, first), np.empty(0)
+    innovations = corners_robot.positions[corners] - predict_corners(ekf.x, landmarks)
+    cov = _joint_cov(corners_robot, ekf, corners, landmarks)
+    own = cov.reshape(len(corners), 2, len(corners), 2)[np.arange(len(corners)), :, np.arange(len(corners))]
+    association = Association(corners, landmarks, first[~matched], _joint_distance2(innovations, cov))
+    return association, _mahalanobis2(innovations, own)
 
 
 def _nearest(corners: Indices, landmarks: Indices, distances2: Array) -> Indices:
@@ -198,8 +230,10 @@ def _mahalanobis2(innovations: Array, covs: Array) -> Array:
 def _alike(corners_robot: Corners, signatures: Signatures, heading: float, gates: Gates) -> NDArray[np.bool_]:
     opening = corners_robot.opening_angles[:, None] - signatures.opening_angles[None, :]
     orientation = wrap_angle(corners_robot.orientations[:, None] + heading - signatures.orientations[None, :])
-    return (
-        (corners_robot.convex[:, None] == signatures.convex[None, :])
-        & (np.abs(opening) < gates.opening)
-        & (np.abs(orientation) < gates.orientation)
-    )
+    same_kind = corners_robot.convex[:, None] == signatures.convex[None, :]
+    return same_kind & similar(opening, orientation, gates)
+
+
+def similar(opening: Array, orientation: Array, gates: Gates) -> NDArray[np.bool_]:
+    """Whether such differences of two signatures allow them to be of one; NaN, of what has none, allows it."""
+    return np.isnan(opening) | ((np.abs(opening) < gates.opening) & (np.abs(orientation) < gates.orientation))

@@ -28,6 +28,9 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
 )
 
+VICTORIA_PARK = Path("victoria-park")
+"""A data set by its name instead of its path."""
+
 Json = Annotated[bool, typer.Option("--json", help="Print JSON.")]
 
 
@@ -120,6 +123,9 @@ def run(
     seed: Annotated[
         int | None, typer.Option("--seed", min=0, help="Seed of what is random in a run; default: the configuration's.")
     ] = None,
+    ignore_identities: Annotated[
+        bool, typer.Option("--ignore-identities", help="Associate observed landmarks although the source knows them.")
+    ] = False,
     overwrite: Overwrite = False,
     resume: Annotated[
         bool, typer.Option("--resume", help="Go on with the stopped run in the folder of --out.")
@@ -130,17 +136,21 @@ def run(
 
     from drivers.open_log import open_log
     from slam.checkpoint import Stand, discard_checkpoint, read_checkpoint
-    from slam.config import check_same, load_config
+    from slam.config import check_same, load_config, without_identities
     from slam.pipeline import Slam
     from slam.run_folder import claimed, default_folder
     from slam.session import Session
 
     if resume and (out is None or overwrite):
         raise typer.BadParameter("give the stopped run with --out, and no --overwrite", param_hint="--resume")
-    source = open_log(log, scan_topic=scan_topic, odom_topic=odom_topic)
+    source = open_log(
+        _victoria_park() if log == VICTORIA_PARK and not log.exists() else log,
+        scan_topic=scan_topic,
+        odom_topic=odom_topic,
+    )
 
     def asked() -> SlamConfig:
-        return load_config(
+        given = load_config(
             config,
             preset=sensor,
             source_preset=source.sensor,
@@ -148,10 +158,11 @@ def run(
             source_odometry=source.has_odometry,
             seed=seed,
         )
+        return without_identities(given) if ignore_identities else given
 
     if out is not None and resume:
         slam, stand = read_checkpoint(out)
-        if config is not None or sensor is not None or seed is not None:
+        if config is not None or sensor is not None or seed is not None or ignore_identities:
             check_same(slam.config, asked(), f"{out}: the stopped run")
     else:
         slam, stand = Slam(asked()), Stand(source.name)
@@ -169,7 +180,9 @@ def evaluate(
     relations: Annotated[
         Path | None, typer.Option("--relations", help="True relations of pairs of poses (Freiburg benchmark).")
     ] = None,
-    truth: Annotated[Path | None, typer.Option("--truth", help="True trajectory (TUM), or the recording.")] = None,
+    truth: Annotated[
+        Path | None, typer.Option("--truth", help="True trajectory (TUM), the recording, or the MRCLAM data set.")
+    ] = None,
     which: Annotated[
         Literal["final", "online", "odometry"],
         typer.Option(
@@ -189,7 +202,7 @@ def evaluate(
     if relations is not None:
         report |= evaluate_relations(relations, trajectory)
     if truth is not None:
-        report |= evaluate_truth(truth, trajectory, read_landmarks(run))
+        report |= evaluate_truth(truth, trajectory, *read_landmarks(run))
     if as_json:
         import json
 
@@ -216,6 +229,14 @@ app.command()(replay)
 app.command()(export)
 app.add_typer(world)
 app.add_typer(study)
+
+
+def _victoria_park() -> Path:
+    """Find the data set in GTSAM's package, without the time that it takes to import it."""
+    from importlib.util import find_spec
+
+    package = find_spec("gtsam")
+    return Path(next(iter(package.submodule_search_locations or [])) if package else ".", "Data", "victoria_park.txt")
 
 
 if __name__ == "__main__":

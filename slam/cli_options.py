@@ -5,7 +5,10 @@ from typing import Annotated
 
 import typer
 
-LOG = "CARMEN log (.clf or .log, also gzipped), ROS bag (.bag, .mcap, .db3 or a folder), or recording."
+LOG = (
+    "CARMEN log (.clf or .log) or list of edges, also gzipped; ROS bag (.bag, .mcap, .db3 or a folder); recording; "
+    "folder of an MRCLAM data set; or victoria-park, which comes with GTSAM."
+)
 
 ScanTopic = Annotated[
     str | None,
@@ -23,7 +26,9 @@ Overwrite = Annotated[bool, typer.Option("--overwrite", help="Write into the run
 Sensor = Annotated[
     str | None,
     typer.Option(
-        "--sensor", help="Sensor preset, such as rplidar-s1 or sick-lms; default: the source's.", show_default=False
+        "--sensor",
+        help="Sensor preset, such as rplidar-s1 or mrclam-camera; default: the source's.",
+        show_default=False,
     ),
 ]
 Config = Annotated[

@@ -51,4 +51,5 @@ def landmark_map(estimate: GraphEstimate, table: LandmarkTable, least_observatio
         observations=table.observations[ids],
         convex=table.convex[ids],
         opening_angles=table.opening_angles[ids],
+        identities=table.identities[ids],
     )

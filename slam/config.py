@@ -121,6 +121,9 @@ class FrontEndConfig(_Section):
     update_angle_deg: float = Field(
         default=3.0, ge=0.0, description="turn after which corners update the filter again [deg]"
     )
+    use_identities: bool = Field(
+        default=True, description="take the identities of observed landmarks, where the source knows them"
+    )
     association: Literal["joint", "nearest"] = Field(
         default="joint", description="pairs by joint compatibility (JCBB), or nearest neighbour: joint or nearest"
     )
@@ -197,6 +200,12 @@ class SlamConfig(_Section):
     def of_preset(cls, preset: str, mounting: Mounting = Mounting()) -> "SlamConfig":  # noqa: B008, frozen
         """Defaults for a known sensor; ValueError where there is none of this name."""
         return cls(sensor=SensorConfig.of_preset(preset, mounting))
+
+
+def without_identities(config: SlamConfig) -> SlamConfig:
+    """Return a configuration that takes no identity of an observed landmark."""
+    front_end = config.front_end.model_copy(update={"use_identities": False})
+    return config.model_copy(update={"front_end": front_end})
 
 
 def load_config(

@@ -5,12 +5,14 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import NDArray
 
+from drivers.mrclam import MrclamLog, is_mrclam
 from drivers.open_log import is_recording
 from drivers.recording import Recording
-from features.se2 import Array, transform
+from features.se2 import Array, Pose, transform
 from sim.world import World
-from slam.metrics import ate, match_landmarks, rpe
+from slam.metrics import align, ate, match_landmarks, rpe
 from slam.relations import read_relations, relations
 from slam.result import SlamResult
 from slam.trajectory import Trajectory, read_tum
@@ -24,6 +26,12 @@ Report = dict[str, dict[str, float]]
 CORNER_DISTANCE = 0.3
 """A landmark farther than this from a corner of the simulated world is not that corner [m]."""
 
+SURVEY_DISTANCE = 1.0
+"""The same for a surveyed landmark and one of unknown identity [m]."""
+
+MOST_MATCHINGS = 20
+"""Of surveyed landmarks, each in the alignment of the one before."""
+
 
 def evaluate_relations(path: Path, trajectory: Trajectory) -> Report:
     """Error of the relative poses of a trajectory against a relations file."""
@@ -31,22 +39,60 @@ def evaluate_relations(path: Path, trajectory: Trajectory) -> Report:
     return {"relations": _figures(error)}
 
 
-def evaluate_truth(path: Path, trajectory: Trajectory, landmarks: Array) -> Report:
-    """ATE and RPE of a trajectory, rigidly aligned, against a true one in TUM format or that of a recording.
+def evaluate_truth(path: Path, trajectory: Trajectory, landmarks: Array, identities: NDArray[np.int64]) -> Report:
+    """ATE and RPE of a trajectory, rigidly aligned, against a true one: TUM, a recording, or an MRCLAM data set.
 
     Where a recording holds walls, the landmarks, shape (n, 2) [m], are compared with their corners, in the alignment of
-    the trajectory.
+    the trajectory; where a data set has surveyed landmarks, with these, in an alignment of their own, by ``identities``
+    where they are known, -1 where not, shape (n,).
     """
+    if is_mrclam(path):
+        data_set = MrclamLog(path)
+        report, alignment = _trajectory_report(Trajectory(*data_set.truth()), trajectory)
+        surveyed, positions = data_set.true_landmarks()
+        return report | {"landmarks": _survey_report(surveyed, positions, identities, landmarks, alignment)}
     recording = Recording(path) if is_recording(path) else None
     true = read_tum(path) if recording is None else Trajectory(*recording.truth())
-    absolute = ate(true, trajectory)
-    report: Report = {"ate": _figures(absolute), "rpe": _figures(rpe(true, trajectory))}
+    report, alignment = _trajectory_report(true, trajectory)
     if recording is not None and len(recording.walls):
         corners = World(recording.name, recording.walls).corners
-        rmse, mapped = _landmark_errors(corners, transform(absolute.pose_truth_estimate, landmarks))
+        rmse, mapped = _landmark_errors(corners, transform(alignment, landmarks))
         report["landmarks"] = {"corners": len(corners), "corners_mapped": mapped}
         if rmse is not None:
             report["landmarks"]["rmse_m"] = rmse
+    return report
+
+
+def _trajectory_report(true: Trajectory, trajectory: Trajectory) -> tuple[Report, Pose]:
+    """Errors of a trajectory, and the pose of its frame in that of the truth, shape (3,)."""
+    absolute = ate(true, trajectory)
+    return {"ate": _figures(absolute), "rpe": _figures(rpe(true, trajectory))}, absolute.pose_truth_estimate
+
+
+def _survey_report(
+    surveyed: NDArray[np.int64], positions: Array, identities: NDArray[np.int64], landmarks: Array, alignment: Pose
+) -> dict[str, float]:
+    """Landmarks against surveyed ones, rigidly aligned with those that they are.
+
+    Those of known identity are the surveyed ones of the same. The others are matched where the alignment puts them,
+    which the matches then improve, until they stay as they are.
+    """
+    truth = positions
+    by_identity = np.argwhere((surveyed[:, None] == identities[None, :]) & (identities >= 0))
+    pairs = by_identity
+    for _ in range(MOST_MATCHINGS):
+        if len(pairs):
+            alignment = align(truth[pairs[:, 0]], landmarks[pairs[:, 1]])
+        if len(by_identity):
+            break
+        matched = match_landmarks(truth, transform(alignment, landmarks), SURVEY_DISTANCE)
+        if np.array_equal(matched, pairs):
+            break
+        pairs = matched
+    report: dict[str, float] = {"surveyed": len(surveyed), "surveyed_mapped": len(pairs), "mapped": len(landmarks)}
+    if len(pairs):
+        errors = transform(alignment, landmarks[pairs[:, 1]]) - truth[pairs[:, 0]]
+        report["rmse_m"] = float(np.sqrt(np.mean(np.sum(errors**2, axis=1))))
     return report
 
 

@@ -2,6 +2,7 @@
 
 import math
 from dataclasses import replace
+from itertools import combinations
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,7 +13,7 @@ from features.feature import Corners
 from features.scan import LaserScan
 from features.se2 import TWO_PI, Array, Pose, wrap_angle
 from features.sensor import SensorModel
-from slam.association import Association, Gates, Signatures, associate
+from slam.association import Association, Gates, Signatures, associate, associate_identified, similar
 from slam.ekf import POSE_DIM, LandmarkEkf, corner_jacobian_blocks
 from slam.landmark import GONE, LandmarkTable
 
@@ -42,12 +43,16 @@ class FrontEnd:
     ekf : the filter.
     table : what is known of every landmark.
     local : landmarks in the order of the filter's state, shape (n,).
+    returned : the latest observations were also of landmarks at rest, known by their identity: the graph knows more of
+        where the robot is than the filter does.
     """
 
     def __init__(self, pose_world_robot: Pose, cov: Array, gates: Gates, keep_distance: float) -> None:
         self.ekf = LandmarkEkf(pose_world_robot, cov)
         self.table = LandmarkTable()
         self.local: Indices = np.empty(0, np.int64)
+        self.returned = False
+        self._seen_at_once: set[tuple[int, int]] = set()
         self._gates = gates
         self._keep_distance = keep_distance
 
@@ -56,8 +61,12 @@ class FrontEnd:
         self.ekf.Q = cov
         self.ekf.predict(motion)
 
-    def observe(self, corners_robot: Corners) -> tuple[Association, Indices]:
+    def observe(self, corners_robot: Corners, identities: Indices | None = None) -> tuple[Association, Indices]:
         """Associate the corners of a scan, update with those that are known and give birth to those that are new.
+
+        Given the ``identities`` of the corners, shape (k,), they are the association. One that is wrong, or an
+        observation that is, must not throw the filter: beyond the gate its covariance is enlarged until it is at the
+        gate.
 
         Returns
         -------
@@ -65,18 +74,43 @@ class FrontEnd:
         landmarks : index of the landmark of each corner, -1 for none, shape (k,).
         """
         ekf, table = self.ekf, self.table
-        association = associate(corners_robot, ekf, self._signatures(), self._gates)
+        if identities is None:
+            association, doubts = associate(corners_robot, ekf, self._signatures(), self._gates), np.ones(1)
+        else:
+            known = table.identities[self.local]
+            association, distances2 = associate_identified(corners_robot, identities, ekf, known)
+            doubts = np.maximum(distances2 / self._gates.match, 1.0)
         landmarks = np.full(len(corners_robot), -1)
         matched, new = association.corners, association.new
+        self.returned = False
         if matched.size:
-            ekf.observe(corners_robot.positions[matched], corners_robot.covs[matched], association.landmarks)
+            covs = doubts[:, None, None] * corners_robot.covs[matched]
+            ekf.observe(corners_robot.positions[matched], covs, association.landmarks)
             landmarks[matched] = self.local[association.landmarks]
             table.see(landmarks[matched], corners_robot, matched, ekf.x[2])
         if new.size:
             ekf.add_landmarks(corners_robot.positions[new], np.asarray(block_diag(*corners_robot.covs[new])))
-            landmarks[new] = table.add(corners_robot, new, ekf.x[2])
+            landmarks[new] = self._enter(corners_robot, new, identities)
             self.local = np.concatenate([self.local, landmarks[new]])
+        self._remember_apart(landmarks[np.isnan(corners_robot.opening_angles) & (landmarks >= 0)])
         return replace(association, landmarks=landmarks[matched]), landmarks
+
+    def _enter(self, corners_robot: Corners, new: Indices, identities: Indices | None) -> Indices:
+        """Landmarks of the observations that are of none in the state: new ones, or by their identity those at rest."""
+        table, heading = self.table, float(self.ekf.x[2])
+        if identities is None:
+            return table.add(corners_robot, new, heading)
+        landmarks = table.find(identities[new])
+        back = landmarks >= 0
+        self.returned = bool(back.any())
+        table.wake(landmarks[back], np.zeros(back.sum()))
+        table.see(landmarks[back], corners_robot, new[back], heading)
+        landmarks[~back] = table.add(corners_robot, new[~back], heading, identities[new[~back]])
+        return landmarks
+
+    def _remember_apart(self, points: Indices) -> None:
+        """Points that were seen at once are not one, however near they are."""
+        self._seen_at_once.update(combinations(sorted(points.tolist()), 2))
 
     def miss(self, scan: LaserScan, sensor: SensorModel, seen: Indices) -> None:
         """End landmarks whose place the beams went through more often than they were seen; none ``seen`` just now."""
@@ -156,13 +190,17 @@ class FrontEnd:
         signatures, gates, landmarks = self._signatures(), self._gates, self.ekf.landmarks
         a, b = np.triu_indices(len(landmarks), 1)
         apart = landmarks[a] - landmarks[b]
+        opening = signatures.opening_angles[a] - signatures.opening_angles[b]
+        orientation = wrap_angle(signatures.orientations[a] - signatures.orientations[b])
         close = (
             (np.hypot(apart[:, 0], apart[:, 1]) < gates.birth_distance)
             & (signatures.convex[a] == signatures.convex[b])
-            & (np.abs(signatures.opening_angles[a] - signatures.opening_angles[b]) < gates.opening)
-            & (np.abs(wrap_angle(signatures.orientations[a] - signatures.orientations[b])) < gates.orientation)
+            & (self.table.identities[self.local[a]] == self.table.identities[self.local[b]])
+            & similar(opening, orientation, gates)
         )
         for i, j, difference in zip(a[close], b[close], apart[close], strict=True):
+            if tuple(sorted((int(self.local[i]), int(self.local[j])))) in self._seen_at_once:
+                continue
             H = self._difference(int(i), int(j))
             if difference @ np.linalg.solve((H @ (H @ self.ekf.P).T), difference) <= gates.match:
                 return int(i), int(j)

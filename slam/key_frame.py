@@ -3,6 +3,7 @@
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from features.feature import Corners, Features
 from features.scan import LaserScan
@@ -17,14 +18,16 @@ class View:
 
     Parameters
     ----------
-    scan : without the motion during it, sensor frame.
-    features : its lines and corners, sensor frame.
-    corners_robot : its corners, robot frame.
+    corners_robot : corners of its scan, or landmarks that the sensor found itself, robot frame.
+    scan : without the motion during it, sensor frame; None where the sensor finds landmarks itself.
+    features : lines and corners of the scan, sensor frame.
+    identities : of the landmarks, shape (k,), where they are known.
     """
 
-    scan: LaserScan
-    features: Features
     corners_robot: Corners
+    scan: LaserScan | None = None
+    features: Features | None = None
+    identities: NDArray[np.int64] | None = None
 
     def observations(self, landmarks: np.ndarray) -> Observations:
         """Corners as observations of landmarks, given the landmark of each, -1 for none, shape (k,)."""
@@ -52,6 +55,8 @@ class KeyFrame:
     def of(cls, record: int, view: View, sensor: SensorModel) -> "KeyFrame":
         """Keep what the map draws of a view."""
         scan = view.scan
+        if scan is None or view.features is None:
+            return cls(record, np.empty((0, 2, 2)), np.empty((0, 2)))
         seen = (scan.ranges > 0.0) & (scan.ranges >= sensor.range_min) & (scan.ranges <= sensor.range_max)
         ranges, angles = scan.ranges[seen], scan.angles[seen]
         points_sensor = np.stack([ranges * np.cos(angles), ranges * np.sin(angles)], axis=-1)

@@ -46,6 +46,7 @@ class LandmarkTable:
     Attributes
     ----------
     convex : shape (n,), bool.
+    identities : by which the source knows each, -1 for none, shape (n,).
     observations : times each was seen, shape (n,).
     misses : times each should have been seen, but the beams went through its place, shape (n,).
     key_frames : key frame that a landmark at rest is known from, or :data:`LOCAL`, :data:`MERGED`, :data:`GONE`,
@@ -56,6 +57,7 @@ class LandmarkTable:
     def __init__(self) -> None:
         self._sums: Array = np.empty((0, 3))
         self.convex: NDArray[np.bool_] = np.empty(0, np.bool_)
+        self.identities: Indices = np.empty(0, np.int64)
         self.observations: Indices = np.empty(0, np.int64)
         self.misses: Indices = np.empty(0, np.int64)
         self.key_frames: Indices = np.empty(0, np.int64)
@@ -76,6 +78,11 @@ class LandmarkTable:
         """Mean orientation of each landmark, shape (n,) [rad]; world frame, of one at rest that of its key frame."""
         return np.arctan2(self._sums[:, 2], self._sums[:, 1])
 
+    def find(self, identities: Indices) -> Indices:
+        """Landmark of each identity, -1 where there is none yet."""
+        equal = identities[:, None] == self.identities[None, :]
+        return np.where(equal.any(axis=1), equal.argmax(axis=1), -1) if len(self) else np.full(len(identities), -1)
+
     def confirmed(self, least_observations: int) -> NDArray[np.bool_]:
         """Whether each landmark was seen so often, and neither pruned nor merged, shape (n,)."""
         return (self.observations >= least_observations) & (self.key_frames > MERGED)
@@ -87,11 +94,15 @@ class LandmarkTable:
         tentative = len(self) - confirmed - pruned - merged
         return LandmarkCounts(len(self), tentative, confirmed, pruned, merged, self._rested, self._woken)
 
-    def add(self, corners_robot: Corners, chosen: Indices, heading: float) -> Indices:
-        """Append a landmark for each of the chosen corners; return their indices."""
+    def add(
+        self, corners_robot: Corners, chosen: Indices, heading: float, identities: Indices | None = None
+    ) -> Indices:
+        """Append a landmark for each of the chosen corners, with its identity if it is known; return their indices."""
         first, count = len(self), len(chosen)
         self._sums = np.concatenate([self._sums, _signature(corners_robot, chosen, heading)])
         self.convex = np.concatenate([self.convex, corners_robot.convex[chosen]])
+        known = np.full(count, -1) if identities is None else identities
+        self.identities = np.concatenate([self.identities, known])
         self.observations = np.concatenate([self.observations, np.ones(count, np.int64)])
         self.misses = np.concatenate([self.misses, np.zeros(count, np.int64)])
         self.key_frames = np.concatenate([self.key_frames, np.full(count, LOCAL)])

@@ -18,13 +18,14 @@ from slam.config import SlamConfig
 from slam.deskew import deskew_by_odometry
 from slam.drifting_pose import Anchor
 from slam.ekf import LandmarkEkf
-from slam.errors import DivergedError
+from slam.errors import ConfigError, DivergedError
 from slam.front_end import FrontEnd
 from slam.graph import GraphEstimate
 from slam.graph_journal import JournaledGraph
 from slam.key_frame import KeyFrame, View
 from slam.line_odometry import load_compiled
 from slam.loop_closing import LoopCloser
+from slam.observed import observed_points
 from slam.parts import gates, line_odometry, loop_rules
 from slam.records import Records
 from slam.result import ClosureCounts, RunMetrics, SlamResult
@@ -139,17 +140,20 @@ class Slam:
             The stamp is smaller than the one before, or stamp or pose is not finite; nothing has changed.
         """
         self._predict(frame.stamp, self._records.checked(frame))
-        if frame.scan is None:
+        view = self._look(frame)
+        if view is None:
             return Step(frame.stamp, self.pose)
-        view = self._extract(frame.scan)
         self._register(frame.stamp, view)
         association = None
-        key_frame_due = self._key_frame_due()
+        key_frame_due = self._key_frame_due(view)
         if key_frame_due or self._update_due():
             association, landmarks = self._update(view)
             if key_frame_due:
                 self._add_key_frame(view, landmarks)
-                self._close_loop()
+                if view.scan is not None:
+                    self._close_loop()
+                elif self._front.returned:
+                    self._rebase()
         self._records.add_scan(self.pose)
         return Step(frame.stamp, self.pose, view.features, association)
 
@@ -169,6 +173,19 @@ class Slam:
         self._since_key_frame: Anchor = self._odometry.anchor()
         self._since_scan: Anchor = self._odometry.anchor()
 
+    def _look(self, frame: Frame) -> View | None:
+        """Return what the frame shows; None for a record of odometry only."""
+        if frame.scan is not None:
+            return self._extract(frame.scan)
+        if frame.observations is None:
+            return None
+        if self.config.odometry.source == "lines":
+            raise ConfigError(
+                "odometry.source is 'lines', but the source has no scans: expected 'line-aided' or 'wheel'"
+            )
+        points_robot, identities = observed_points(frame.observations, self._sensor)
+        return View(points_robot, identities=identities if self.config.front_end.use_identities else None)
+
     def _extract(self, scan: LaserScan) -> View:
         with self._clock.timed("extract"):
             if self.config.front_end.deskew:
@@ -177,10 +194,12 @@ class Slam:
                 poses = self._records.poses_map if alone else self._records.poses_odom
                 scan = deskew_by_odometry(scan, self._sensor, self._records.stamps, poses)
             features = extract(scan, self._sensor, self.config.extraction)
-            return View(scan, features, features.corners.to_robot(self._sensor.mounting))
+            return View(features.corners.to_robot(self._sensor.mounting), scan, features)
 
     def _register(self, stamp: float, view: View) -> None:
         """Correct odometry by the walls."""
+        if view.scan is None or view.features is None:
+            return
         odometry, records, lines = self._odometry, self._records, view.features.lines
         with self._clock.timed("odometry"):
             if self.config.odometry.source == "wheel":
@@ -201,7 +220,10 @@ class Slam:
         since = self._since_update
         return since.travel >= front_end.update_distance_m or since.turn >= math.radians(front_end.update_angle_deg)
 
-    def _key_frame_due(self) -> bool:
+    def _key_frame_due(self, view: View) -> bool:
+        if view.scan is None and self._key_frames:
+            # An observation is small: the graph takes each that the filter takes, once the robot has moved at all.
+            return self._update_due() and self._since_key_frame.travel + self._since_key_frame.turn > 0.0
         back_end = self.config.back_end
         since = self._since_key_frame
         return (
@@ -215,10 +237,11 @@ class Slam:
         with self._clock.timed("front_end"):
             self._front.move(self._since_update.motion, self._since_update.motion_cov)
             self._since_update.reset()
-            association, landmarks = self._front.observe(view.corners_robot)
+            association, landmarks = self._front.observe(view.corners_robot, view.identities)
             self._observations.add(len(view.corners_robot), association)
             self._watch.updated(self._records.stamps[-1], association)
-            self._front.miss(view.scan, self._sensor, landmarks)
+            if view.scan is not None:
+                self._front.miss(view.scan, self._sensor, landmarks)
             return association, landmarks
 
     def _add_key_frame(self, view: View, landmarks: NDArray[np.int64]) -> None:
@@ -249,15 +272,21 @@ class Slam:
                 return
             self._graph.add_closure(closure)
             self._graph.update()
-            poses = self._graph.poses_world_robot
-            cov = self._graph.newest_cov()
-            if cov is None:
+            if not self._rebase():
                 return
-            self._front.rebase(poses[-1], cov)
+            poses = self._graph.poses_world_robot
             turn = np.eye(3)
             turn[:2, :2] = rotation(poses[closure.older, 2])
             self._front.wake(poses, self._closer.passage(closure.older), turn @ closure.cov @ turn.T)
             self._merge()
+
+    def _rebase(self) -> bool:
+        """Put the filter where the graph has the newest key frame, if it tells how certainly."""
+        cov = self._graph.newest_cov()
+        if cov is None:
+            return False
+        self._front.rebase(self._graph.poses_world_robot[-1], cov)
+        return True
 
     def finish(self, *, interrupted: bool = False) -> SlamResult:
         """Solve the graph and put the result together; ``interrupted`` is noted in the metrics.

@@ -14,7 +14,8 @@ from numpy.random import Generator
 from features.se2 import Array
 from slam.result import SlamResult
 
-INK, WALL, PATH, ODOMETRY, CONCAVE, CONVEX = "#22272e", "#3b4554", "#1f77b4", "#9db8cc", "#d1495b", "#d98a1f"
+INK, WALL, PATH, ODOMETRY = "#22272e", "#3b4554", "#1f77b4", "#9db8cc"
+CONCAVE, CONVEX, POINT = "#d1495b", "#d98a1f", "#6a4c93"
 MOST_POINTS = 150_000
 """Scan points drawn at most; a random sample stands for more."""
 
@@ -51,7 +52,7 @@ def draw_map(path: Path, title: str, result: SlamResult, rng: Generator) -> None
         axes.plot(*poses[-1], "s", color=PATH, markersize=7, zorder=5)
 
         landmarks = result.landmarks
-        colors = np.where(landmarks.convex, CONVEX, CONCAVE)
+        colors = np.where(landmarks.points, POINT, np.where(landmarks.convex, CONVEX, CONCAVE))
         widths, heights, angles = ellipses(landmarks.covs, sigmas=2.0)
         magnification = _magnification(widths, extent)
         # A large ellipse is an outline, so that it hides nothing.
@@ -79,14 +80,17 @@ def draw_map(path: Path, title: str, result: SlamResult, rng: Generator) -> None
         axes.set_xlabel("x [m]")
         axes.set_ylabel("y [m]")
         metrics = result.metrics
+        frames = "scans" if len(result.points) else "observed frames"
         axes.set_title(
-            f"{title}\n{metrics.scans} scans, {metrics.duration_s:.0f} s, {metrics.landmarks} landmarks, "
+            f"{title}\n{metrics.scans} {frames}, {metrics.duration_s:.0f} s, {metrics.landmarks} landmarks, "
             f"{metrics.key_frames} key frames",
             loc="left",
             fontsize=11,
             pad=10.0,
         )
-        figure.legend(handles=_legend(magnification), loc="outside lower center", ncols=4, frameon=False, fontsize=9)
+        figure.legend(
+            handles=_legend(result, magnification), loc="outside lower center", ncols=4, frameon=False, fontsize=9
+        )
         figure.savefig(path, dpi=150, bbox_inches="tight", pad_inches=0.15)
 
 
@@ -126,18 +130,25 @@ def _size(width: float, height: float) -> tuple[float, float]:
     return max(width * scale, 6.0) + 0.8, max(height * scale, 4.0) + 1.4
 
 
-def _legend(magnification: int) -> list[Line2D]:
+def _legend(result: SlamResult, magnification: int) -> list[Line2D]:
+    """Entries for what there is; of landmarks all kinds of corners, or points."""
     drawn = "2 sigma" if magnification == 1 else f"2 sigma x {magnification}"
 
     def entry(label: str, **style: object) -> Line2D:
         return Line2D([], [], label=label, **style)  # type: ignore[arg-type]  # style names are matplotlib's
 
+    walls = [entry("walls as seen", color=WALL, alpha=0.6)]
+    corners = [
+        entry(f"corner, concave, {drawn}", color=CONCAVE, marker="x", linestyle=""),
+        entry(f"corner, convex, {drawn}", color=CONVEX, marker="x", linestyle=""),
+    ]
+    points = [entry(f"point, {drawn}", color=POINT, marker="x", linestyle="")]
+    only_points = bool(result.landmarks.points.all()) and not len(result.walls)
     return [
-        entry("walls as seen", color=WALL, alpha=0.6),
+        *(walls if not only_points else []),
         entry("trajectory", color=PATH),
         entry("odometry alone", color=ODOMETRY, linestyle="--"),
         entry("start", color=PATH, marker="o", linestyle=""),
         entry("end", color=PATH, marker="s", linestyle=""),
-        entry(f"corner, concave, {drawn}", color=CONCAVE, marker="x", linestyle=""),
-        entry(f"corner, convex, {drawn}", color=CONVEX, marker="x", linestyle=""),
+        *(points if only_points else corners),
     ]

@@ -19,7 +19,7 @@ from slam.watch import Trust
 
 @dataclass(frozen=True, slots=True, eq=False)
 class LandmarkMap:
-    """Corners of the building, world frame.
+    """Corners of the building, or other points, world frame.
 
     Parameters
     ----------
@@ -28,7 +28,8 @@ class LandmarkMap:
     covs : shape (n, 2, 2) [m^2].
     observations : times each was observed, shape (n,).
     convex : shape (n,), bool.
-    opening_angles : shape (n,) [rad].
+    opening_angles : NaN for a point that is no corner, shape (n,) [rad].
+    identities : by which the source knows each, -1 for none, shape (n,).
     """
 
     ids: NDArray[np.int64]
@@ -37,6 +38,12 @@ class LandmarkMap:
     observations: NDArray[np.int64]
     convex: NDArray[np.bool_]
     opening_angles: Array
+    identities: NDArray[np.int64]
+
+    @property
+    def points(self) -> NDArray[np.bool_]:
+        """Whether each is a point that is no corner, shape (n,)."""
+        return np.isnan(self.opening_angles)
 
     def __len__(self) -> int:
         return self.ids.size
@@ -46,7 +53,7 @@ class LandmarkMap:
         text = io.StringIO()
         table = csv.writer(text, lineterminator="\n")
         table.writerow(
-            ["id", "x", "y", "cov_xx", "cov_xy", "cov_yy", "observations", "kind", "opening_angle_deg"],
+            ["id", "x", "y", "cov_xx", "cov_xy", "cov_yy", "observations", "kind", "opening_angle_deg", "identity"],
         )
         for k in range(len(self)):
             x, y = self.positions[k]
@@ -60,8 +67,9 @@ class LandmarkMap:
                     f"{cov[0, 1]:.6e}",
                     f"{cov[1, 1]:.6e}",
                     self.observations[k],
-                    "convex" if self.convex[k] else "concave",
-                    f"{np.degrees(self.opening_angles[k]):.2f}",
+                    "point" if self.points[k] else "convex" if self.convex[k] else "concave",
+                    "" if self.points[k] else f"{np.degrees(self.opening_angles[k]):.2f}",
+                    "" if self.identities[k] < 0 else self.identities[k],
                 ]
             )
         return text.getvalue()

@@ -10,6 +10,7 @@ from datetime import datetime
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 
 from features.se2 import Array
 from slam.config import to_toml
@@ -111,8 +112,13 @@ def read_trajectory(folder: Path, which: str = "final") -> Trajectory:
     return read_tum(path)
 
 
-def read_landmarks(folder: Path) -> Array:
-    """Read the positions of the landmarks of a run, shape (n, 2) [m].
+def read_landmarks(folder: Path) -> tuple[Array, NDArray[np.int64]]:
+    """Read the landmarks of a run.
+
+    Returns
+    -------
+    positions : shape (n, 2) [m].
+    identities : by which the source knows each, -1 for none, shape (n,).
 
     Raises
     ------
@@ -122,8 +128,10 @@ def read_landmarks(folder: Path) -> Array:
     path = folder / LANDMARKS
     try:
         with path.open(encoding="utf-8", newline="") as file:
-            return np.array([(float(row["x"]), float(row["y"])) for row in csv.DictReader(file)]).reshape(-1, 2)
+            rows = [(float(row["x"]), float(row["y"]), int(row["identity"] or -1)) for row in csv.DictReader(file)]
     except OSError as error:
         raise RunFolderError(f"{path}: cannot be read: {error.strerror or error}") from None
     except (KeyError, TypeError, ValueError):
-        raise RunFolderError(f"{path}: no table of landmarks: expected columns x and y of numbers") from None
+        raise RunFolderError(f"{path}: no table of landmarks: expected columns x, y and identity of numbers") from None
+    positions = np.array([(x, y) for x, y, _ in rows], np.float64).reshape(-1, 2)
+    return positions, np.array([identity for _, _, identity in rows], np.int64)

@@ -115,7 +115,7 @@ class Session:
             if self.folder is not None:
                 digest = extend_digest(self.stand.digest, frame)
                 self.stand = replace(self.stand, records=self.stand.records + 1, digest=digest)
-            if frame.scan is not None:
+            if frame.scan is not None or frame.observations is not None:
                 progress.update(source.progress, self.slam.scans)
             if time.monotonic() >= due:
                 began = time.monotonic()
