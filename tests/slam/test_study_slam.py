@@ -12,6 +12,7 @@ from sim import room_run
 from slam.association import Association, associate
 from slam.evaluate import evaluate_simulated
 from slam.metrics import ate, mean_interval, nees
+from slam.pipeline import Slam
 from slam.study.monte_carlo import (
     MonteCarloSettings,
     monte_carlo_lines,
@@ -20,7 +21,7 @@ from slam.study.monte_carlo import (
     run_rows,
     world_config,
 )
-from slam.study.simulated import INSTANTS, AssociationScore, WatchedSlam, simulate, true_corners
+from slam.study.simulated import INSTANTS, AssociationScore, simulate, true_corners
 from slam.trajectory import Trajectory
 
 CONFIG = world_config("room", None)
@@ -69,7 +70,7 @@ def run() -> dict[str, Any]:
 def test_a_run_is_held_against_its_truth(run: dict[str, Any]) -> None:
     """The figures are those of the pipeline run without being watched; NEES of the last update is made by hand."""
     source = room_run(5)
-    slam = WatchedSlam(CONFIG)
+    slam = Slam(CONFIG)
     for record, frame in enumerate(source):
         step = slam.process(frame)
         if step.association is not None:
