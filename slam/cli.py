@@ -103,6 +103,8 @@ def run(
     config: Config = None,
     out: Out = None,
     limit: Annotated[int | None, typer.Option("--limit", min=1, help="Stop after so many scans.")] = None,
+    every: Annotated[int, typer.Option("--every", min=1, help="Use every N-th scan; odometry is used in full.")] = 1,
+    skip: Annotated[float, typer.Option("--skip", min=0.0, help="Leave out so many seconds at the beginning.")] = 0.0,
     seed: Annotated[
         int | None, typer.Option("--seed", min=0, help="Seed of what is random in a run; default: the configuration's.")
     ] = None,
@@ -111,11 +113,12 @@ def run(
     """Process a recorded log into a run folder: trajectory, landmarks, metrics, configuration and map."""
     from datetime import datetime
 
+    from drivers.excerpt import Excerpt
     from drivers.open_log import open_log
     from slam.config import load_config
     from slam.run_folder import claimed, default_folder
 
-    source = open_log(log)
+    source = Excerpt(open_log(log), every, skip)
     effective = load_config(
         config, preset=sensor, source_preset=source.sensor, source_mounting=source.mounting, seed=seed
     )

@@ -90,8 +90,7 @@ def _alike(one: Constellation, other: Constellation, distance: float, angle: flo
 
 
 def lay(here: Constellation, there: Constellation, pose_there_here: Pose, distance: float) -> tuple[Pose, int]:
-    """Lay a constellation on another, and move it to where the corners that then lie on one another fit best
-    (eq. M53).
+    """Lay a constellation on another and move it to where corners that lie on one another fit best (eq. M53).
 
     Parameters
     ----------

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from features.se2 import Array, Pose, between, rotation, wrap_angle
-from slam.graph import Closure
+from slam.graph_factors import Closure
 from slam.line_map import NORMAL_X, NORMAL_Y, WALL_X, WALL_Y
 from slam.registration import Registration
 from slam.scan_points import ScanPoints

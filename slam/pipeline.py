@@ -2,7 +2,7 @@
 
 import logging
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -201,7 +201,7 @@ class Slam:
             self._graph.update()
             self._front.rest(len(self._key_frames), landmarks)
             if self._odometry.scan is not None:
-                self._closer.add_key_frame(self._odometry.scan, self._since_key_frame.travel)
+                self._closer.add_key_frame(self._odometry.scan, view.corners_robot, motion, motion_cov)
             self._since_key_frame.reset()
             self._odometry.add_key_frame()
             self._key_frames.append(KeyFrame.of(len(self._records) - 1, view, self._sensor))
@@ -215,19 +215,23 @@ class Slam:
         if not self.config.loop.enabled:
             return
         with self._clock.timed("loop"):
-            closure = self._closer.find(self._graph.poses_world_robot)
-            if closure is None:
+            closures = self._closer.find(self._graph.poses_world_robot)
+            if not closures:
                 return
-            self._graph.add_closure(closure)
+            for closure in closures:
+                self._graph.add_closure(closure)
             self._graph.update()
             poses = self._graph.poses_world_robot
             cov = self._graph.newest_cov()
             if cov is None:
                 return
             self._front.rebase(poses[-1], cov)
-            turn = np.eye(3)
-            turn[:2, :2] = rotation(poses[closure.older, 2])
-            self._front.wake(poses, self._closer.passage(closure.older), turn @ closure.cov @ turn.T)
+            for closure in closures:
+                # Where an earlier key frame closes the loop, the next look that finds the place near by does the rest.
+                if closure.newer == len(self._key_frames) - 1:
+                    turn = np.eye(3)
+                    turn[:2, :2] = rotation(poses[closure.older, 2])
+                    self._front.wake(poses, self._closer.passage(closure.older), turn @ closure.cov @ turn.T)
             self._merge()
 
     def finish(self, *, interrupted: bool = False) -> SlamResult:
@@ -268,6 +272,7 @@ class Slam:
             landmarks=landmarks,
             key_frames=len(self._key_frames),
             registrations=self._odometry.counts,
+            closures=replace(self._closer.counts, revoked=len(estimate.revoked)),
             stages=self._clock.stages(),
             graph_converged=estimate.converged,
             interrupted=interrupted,

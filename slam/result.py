@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from features.se2 import Array
 from slam.config import SlamConfig
 from slam.line_odometry import RegistrationCounts
+from slam.loop_rules import LoopCounts
 from slam.trajectory import Trajectory
 
 
@@ -93,6 +94,7 @@ class RunMetrics:
     landmarks: int
     key_frames: int
     registrations: RegistrationCounts
+    closures: LoopCounts
     stages: dict[str, StageTime]
     graph_converged: bool
     interrupted: bool

@@ -9,7 +9,9 @@ from scipy.stats import chi2
 
 from features.se2 import between, compose, inverse, pose, wrap_angle
 from sim.world import World
-from slam.loop_closing import SYSTEMATIC, LoopCloser, LoopRules
+from slam.loop_closing import LoopCloser
+from slam.loop_rules import LoopRules
+from slam.loop_verification import SYSTEMATIC
 
 from .registration_scenes import CORRIDOR, seen
 
