@@ -8,9 +8,13 @@ from pathlib import Path
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+from scipy.ndimage import minimum_filter1d
 
 from features.errors import CwlfError
 from features.se2 import Array, wrap_angle
+
+STAMPS_ABOUT = 101
+"""How many different stamps, about one of them, tell how long the clock ticks there."""
 
 
 class TrajectoryFormatError(CwlfError):
@@ -93,8 +97,8 @@ class Trajectory:
     def nearest(self, stamps: ArrayLike, tolerance: float) -> NDArray[np.intp]:
         """Look up the pose nearest in time, of two equally near stamps the earlier.
 
-        Poses of one stamp were taken one after the other, faster than the clock ticks. They are taken to fill, evenly
-        and in their order, the time half way to the stamps before and behind.
+        Poses of one stamp were taken one after the other, faster than the clock ticks: evenly spread over the tick that
+        was rounded to their stamp. A tick is the least time between different stamps thereabouts.
 
         Parameters
         ----------
@@ -119,8 +123,9 @@ class Trajectory:
         to_before = wanted - self.stamps[before]
         at = np.where((to_after < to_before) | (after == 0), after, before)
         first, end = (np.searchsorted(self.stamps, self.stamps[at], side=side) for side in ("left", "right"))
-        bounded = np.concatenate([[-np.inf], self.stamps, [np.inf]])
-        tick = np.minimum(self.stamps[at] - bounded[first], bounded[end + 1] - self.stamps[at])
+        distinct = np.unique(self.stamps)
+        ticks = minimum_filter1d(np.append(np.diff(distinct), np.inf), STAMPS_ABOUT, mode="nearest")
+        tick = ticks[np.searchsorted(distinct, self.stamps[at])]
         share = np.clip(0.5 + (wanted - self.stamps[at]) / tick, 0.0, 1.0)
         indices = np.maximum(first, first - 1 + np.ceil(share * (end - first)).astype(np.intp))
         return np.where(np.abs(self.stamps[at] - wanted) <= tolerance, indices, -1)
