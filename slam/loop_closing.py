@@ -50,6 +50,7 @@ class LoopCloser:
         self._reckoning = DeadReckoning()
         self._looked = -math.inf
         self._closed = -math.inf
+        self._laid = -math.inf
         self._hypothesis: tuple[int, Pose] | None = None
         self._index = PlaceIndex()
         self._places: list[int] = []
@@ -80,9 +81,7 @@ class LoopCloser:
         found = self._near(newest, poses_world_robot)
         if found is None:
             self._hypothesis = None
-            # A passage that is tied to an earlier one already would be told the same again.
-            tied = self._way[newest] - self._closed <= self._rules.constellation
-            closures = [] if tied else self._by_corners(newest, poses_world_robot)
+            closures = self._by_corners(newest, poses_world_robot) if self._corners_due(newest) else []
         else:
             older, fit = found
             here = poses_world_robot[newest]
@@ -141,6 +140,13 @@ class LoopCloser:
             near = near[np.abs(way[near] - way[nearest]) > 2.0 * rules.passage]
         return best
 
+    def _corners_due(self, newest: int) -> bool:
+        """Whether the passage is not tied to an earlier one already, and the last look was long enough ago."""
+        way, rules = self._way[newest], self._rules
+        due = way - self._closed > rules.constellation and way - self._laid >= rules.corner_spacing
+        self._laid = way if due else self._laid
+        return due
+
     def _by_corners(self, newest: int, poses_world_robot: Array) -> list[Closure]:
         """Closures of the newest passage and the one place on which its constellation lies."""
         way = np.array(self._way)
@@ -169,7 +175,7 @@ class LoopCloser:
     def _witnesses(
         self, older: int, newest: int, start: Pose, poses_world_robot: Array
     ) -> tuple[Pose, list[Closure]] | None:
-        """Pose of the newest key frame and closures by those of its passage that fit the walls of a place alike."""
+        """Pose of the newest key frame, and closures by those of its passage that fit a place alike (eq. M54)."""
         rules = self._rules
         walls = walls_world(self._scans, self._about(older, rules.constellation), poses_world_robot)
         fits: list[tuple[int, Registration, Pose]] = []
@@ -198,9 +204,11 @@ class LoopCloser:
         way = np.array(self._way)
         while self._indexed + rules.constellation < way[-1] - rules.apart:
             keys = np.flatnonzero((way >= self._indexed) & (way <= self._indexed + rules.constellation))
-            middle = int(keys[len(keys) // 2])
-            self._index.add(gather(_relative(middle, keys, poses_world_robot), [self._corners[key] for key in keys]))
-            self._places.append(middle)
+            if keys.size:
+                middle = int(keys[keys.size // 2])
+                home = _relative(middle, keys, poses_world_robot)
+                self._index.add(gather(home, [self._corners[key] for key in keys]))
+                self._places.append(middle)
             self._indexed += rules.constellation / 3.0
 
     def _fit(self, key_frame: int, walls: Array, start: Pose) -> Registration:

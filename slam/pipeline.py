@@ -196,7 +196,8 @@ class Slam:
         """Hand the frame to the graph, and to all that goes by key frames."""
         with self._clock.timed("back_end"):
             motion, motion_cov = self._since_key_frame.motion, self._since_key_frame.motion_cov
-            self._graph.add_key_frame(self._front.ekf.pose, motion, motion_cov, view.observations(landmarks))
+            observations = view.observations(landmarks, 1e-3 * self.config.back_end.corner_scatter_mm)
+            self._graph.add_key_frame(self._front.ekf.pose, motion, motion_cov, observations)
             self._merge()
             self._graph.update()
             self._front.rest(len(self._key_frames), landmarks)
