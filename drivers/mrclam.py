@@ -76,6 +76,11 @@ class MrclamLog:
         return Mounting()
 
     @property
+    def has_odometry(self) -> bool:
+        """Whether the poses of the frames tell the motion: they do."""
+        return True
+
+    @property
     def progress(self) -> float:
         """Share of the frames that has been read, 0 to 1."""
         return self._read / len(self._stamps)

@@ -120,6 +120,8 @@ def run(
     config: Config = None,
     out: Out = None,
     limit: Annotated[int | None, typer.Option("--limit", min=1, help="Stop after so many scans.")] = None,
+    every: Annotated[int, typer.Option("--every", min=1, help="Use every N-th scan; odometry is used in full.")] = 1,
+    skip: Annotated[float, typer.Option("--skip", min=0.0, help="Leave out so many seconds at the beginning.")] = 0.0,
     seed: Annotated[
         int | None, typer.Option("--seed", min=0, help="Seed of what is random in a run; default: the configuration's.")
     ] = None,
@@ -134,6 +136,7 @@ def run(
     """Process a recorded log into a run folder: trajectory, landmarks, metrics, configuration and map."""
     from datetime import datetime
 
+    from drivers.excerpt import Excerpt
     from drivers.open_log import open_log
     from slam.checkpoint import Stand, discard_checkpoint, read_checkpoint
     from slam.config import check_same, load_config, without_identities
@@ -143,11 +146,8 @@ def run(
 
     if resume and (out is None or overwrite):
         raise typer.BadParameter("give the stopped run with --out, and no --overwrite", param_hint="--resume")
-    source = open_log(
-        _victoria_park() if log == VICTORIA_PARK and not log.exists() else log,
-        scan_topic=scan_topic,
-        odom_topic=odom_topic,
-    )
+    path = _victoria_park() if log == VICTORIA_PARK and not log.exists() else log
+    source = Excerpt(open_log(path, scan_topic=scan_topic, odom_topic=odom_topic), every, skip)
 
     def asked() -> SlamConfig:
         given = load_config(

@@ -164,6 +164,11 @@ class BackEndConfig(_Section):
     cauchy_scale: float = Field(
         default=2.0, gt=0.0, description="residual, in sigmas, where the robust kernel halves the weight of a corner"
     )
+    corner_scatter_mm: float = Field(
+        default=20.0,
+        ge=0.0,
+        description="how far apart a corner lies as seen from different key frames, beyond the noise [mm]",
+    )
     max_iterations: int = Field(default=100, ge=1, description="iterations of the batch solve at most")
 
 

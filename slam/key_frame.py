@@ -29,11 +29,18 @@ class View:
     features: Features | None = None
     identities: NDArray[np.int64] | None = None
 
-    def observations(self, landmarks: np.ndarray) -> Observations:
-        """Corners as observations of landmarks, given the landmark of each, -1 for none, shape (k,)."""
+    def observations(self, landmarks: np.ndarray, scatter: float) -> Observations:
+        """Corners as observations of landmarks.
+
+        Parameters
+        ----------
+        landmarks : landmark of each corner, -1 for none, shape (k,).
+        scatter : standard deviation of a real corner, in x and y, beyond the noise of the sensor [m].
+        """
         observed = landmarks >= 0
         corners = self.corners_robot
-        return Observations(landmarks[observed], corners.positions[observed], corners.covs[observed])
+        covs = corners.covs[observed] + scatter**2 * np.eye(2)
+        return Observations(landmarks[observed], corners.positions[observed], covs)
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -1,106 +1,124 @@
-"""Loop closing: key frames that show a place again, recognised near by and verified by registering their walls."""
+"""Loop closing: key frames that show a place again, near by or by its constellation of corners, verified by walls."""
 
 import math
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.stats import chi2
 
-from features.se2 import Array, Pose, between, compose, inverse, rotation, wrap_angle
-from slam.graph import Closure
-from slam.line_map import NORMAL_X, NORMAL_Y, WALL_X, WALL_Y
+from features.feature import Corners
+from features.se2 import Array, Pose, between, compose, inverse
+from slam.constellation import gather
+from slam.dead_reckoning import DeadReckoning
+from slam.graph_factors import Closure
+from slam.loop_rules import LoopCounts, LoopRules
+from slam.loop_verification import closure_of, position_sigma, walls_world
+from slam.place_index import PlaceIndex
 from slam.registration import Registration, RegistrationRules, register
 from slam.scan_points import ScanPoints
 
 RULES = RegistrationRules(gate=1.0)
 
 UNKNOWN = np.diag([1.0, 1.0, math.radians(10.0)]) ** 2
-"""Covariance of where a hypothesis puts the robot."""
+"""Covariance of where a hypothesis puts the robot, in its axes."""
 
-SYSTEMATIC = np.diag([0.02, 0.02, math.radians(0.5)]) ** 2
-"""Covariance that two registrations of the same place share: walls that are not straight, things that were moved."""
+POSSIBLE = float(chi2.ppf(0.9999, 3))
+"""Squared Mahalanobis distance from dead reckoning beyond which a hypothesis is not looked at (eq. M51)."""
 
-
-@dataclass(frozen=True, slots=True)
-class LoopRules:
-    """What counts as the same place.
-
-    Parameters
-    ----------
-    apart : way driven between two visits of a place [m].
-    spacing : way between two looks for a closure [m].
-    reach : distance between key frames that may show the same place [m].
-    passage : way whose walls, before and behind a key frame, are put together [m].
-    share : of the points of a scan those that lie on walls of the passage, at least.
-    sigma : largest standard deviation of the position in its least certain direction [m].
-    agree_position, agree_heading : how far two corrections in a row may differ [m, rad].
-    """
-
-    apart: float = 15.0
-    spacing: float = 0.5
-    reach: float = 5.0
-    passage: float = 8.0
-    share: float = 0.6
-    sigma: float = 0.05
-    agree_position: float = 0.3
-    agree_heading: float = math.radians(4.0)
+BLUR = np.diag([0.3, 0.3, math.radians(3.0)]) ** 2
+"""Covariance of a place by its corners, and what dead reckoning does not know of itself."""
 
 
 class LoopCloser:
-    """Finds closures of the newest key frame.
+    """Finds closures of the newest passage.
 
-    One registration may be deceived. Where it would move the newest key frame, the next look has to find the same: only
-    two that agree make a closure.
+    One registration may be deceived. Near by, where it would move the newest key frame, the next look has to find the
+    same. A constellation needs several key frames of its passage that fit alike. Nothing is believed that dead
+    reckoning denies: buildings repeat themselves.
+
+    Attributes
+    ----------
+    counts : what became of the hypotheses.
     """
 
     def __init__(self, rules: LoopRules) -> None:
+        self.counts = LoopCounts()
         self._rules = rules
         self._scans: list[ScanPoints] = []
+        self._corners: list[Corners] = []
         self._way: list[float] = []
+        self._reckoning = DeadReckoning()
         self._looked = -math.inf
+        self._closed = -math.inf
+        self._laid = -math.inf
         self._hypothesis: tuple[int, Pose] | None = None
+        self._index = PlaceIndex()
+        self._places: list[int] = []
+        self._indexed = 0.0
 
-    def add_key_frame(self, scan: ScanPoints, travel: float) -> None:
-        """Remember a key frame, ``travel`` [m] beyond the one before."""
+    def add_key_frame(self, scan: ScanPoints, corners_robot: Corners, motion: Pose, motion_cov: Array) -> None:
+        """Remember a key frame.
+
+        Parameters
+        ----------
+        scan, corners_robot : what it shows, robot frame.
+        motion, motion_cov : its pose in the frame of the key frame before, shape (3,), and the covariance of the
+            coordinates, shape (3, 3); not looked at for the first one.
+        """
+        travel = math.hypot(motion[0], motion[1]) if self._scans else 0.0
         self._scans.append(scan)
+        self._corners.append(corners_robot)
         self._way.append((self._way[-1] if self._way else 0.0) + travel)
+        self._reckoning.add(motion, motion_cov)
 
-    def find(self, poses_world_robot: Array) -> Closure | None:
-        """Closure of the newest key frame, given where all of them are, shape (n, 3); None where none is certain."""
+    def find(self, poses_world_robot: Array) -> list[Closure]:
+        """Closures of the newest passage, given where all key frames are, shape (n, 3); none that is not certain."""
         newest = len(self._scans) - 1
         if self._way[newest] - self._looked < self._rules.spacing:
-            return None
+            return []
         self._looked = self._way[newest]
-        found = self._recognise(newest, poses_world_robot)
+        self._remember_places(poses_world_robot)
+        found = self._near(newest, poses_world_robot)
         if found is None:
             self._hypothesis = None
-            return None
-        older, fit = found
-        here = poses_world_robot[newest]
-        # What moves the estimate onto the registered pose, as a motion of the world about its origin.
-        correction = compose(fit.pose_map_robot, inverse(here))
-        confirmed = self._hypothesis is not None and self._agrees(self._hypothesis, correction, here)
-        self._hypothesis = newest, correction
-        return _closure(older, newest, poses_world_robot[older], fit) if confirmed else None
+            closures = self._by_corners(newest, poses_world_robot) if self._corners_due(newest) else []
+        else:
+            older, fit = found
+            here = poses_world_robot[newest]
+            # What moves the estimate onto the registered pose, as a motion of the world about its origin.
+            correction = compose(fit.pose_map_robot, inverse(here))
+            confirmed = self._hypothesis is not None and self._follows(self._hypothesis, correction, here)
+            self._hypothesis = newest, correction
+            self.counts.rejected += not confirmed
+            closures = [closure_of(older, newest, poses_world_robot[older], fit)] if confirmed else []
+        if closures:
+            self._closed = self._way[newest]
+        self.counts.accepted += len(closures)
+        return closures
 
-    def _agrees(self, hypothesis: tuple[int, Pose], correction: Pose, here: Pose) -> bool:
-        """Whether two corrections put the robot at the same place, and the earlier one is not long ago."""
+    def passage(self, key_frame: int) -> NDArray[np.int64]:
+        """Key frames, except those of this visit, within a passage of the way of one, on either side of it."""
+        return self._about(key_frame, 2.0 * self._rules.passage)
+
+    def _about(self, key_frame: int, reach: float) -> NDArray[np.int64]:
+        way = np.array(self._way)
+        return np.flatnonzero((np.abs(way - way[key_frame]) <= reach) & (way < way[-1] - self._rules.apart))
+
+    def _follows(self, hypothesis: tuple[int, Pose], correction: Pose, here: Pose) -> bool:
+        """Whether a correction puts the robot where the look before did, and that one is not long ago."""
         looked, earlier = hypothesis
-        if self._way[-1] - self._way[looked] > 4.0 * self._rules.spacing:
-            return False
-        difference = between(compose(earlier, here), compose(correction, here))
+        recent = self._way[-1] - self._way[looked] <= 4.0 * self._rules.spacing
+        return recent and self._agree(compose(earlier, here), compose(correction, here))
+
+    def _agree(self, one: Pose, other: Pose) -> bool:
+        difference = between(one, other)
         return bool(
             math.hypot(difference[0], difference[1]) <= self._rules.agree_position
             and abs(difference[2]) <= self._rules.agree_heading
         )
 
-    def passage(self, key_frame: int) -> NDArray[np.int64]:
-        """Key frames, except those of this visit, within a passage of the way of one, on either side of it."""
-        way = np.array(self._way)
-        beside = np.abs(way - way[key_frame]) <= 2.0 * self._rules.passage
-        return np.flatnonzero(beside & (way < way[-1] - self._rules.apart))
-
-    def _recognise(self, newest: int, poses_world_robot: Array) -> tuple[int, Registration] | None:
+    def _near(self, newest: int, poses_world_robot: Array) -> tuple[int, Registration] | None:
+        """Fit of the newest key frame to the walls of a passage about where it is believed to be."""
         rules = self._rules
         way = np.array(self._way)
         here = poses_world_robot[newest]
@@ -110,38 +128,99 @@ class LoopCloser:
         while near.size:
             nearest = int(near[apart[near].argmin()])
             passage = near[np.abs(way[near] - way[nearest]) <= rules.passage]
-            fit = register(self._scans[newest], self._walls(passage, poses_world_robot), here, UNKNOWN, here, RULES)
-            if fit.share >= rules.share and _sigma(fit) <= rules.sigma and (best is None or fit.share > best[1].share):
+            self.counts.proposed_near += 1
+            fit = self._fit(newest, walls_world(self._scans, passage, poses_world_robot), here)
+            motion = between(poses_world_robot[nearest], fit.pose_map_robot)
+            if (
+                self._certain(fit)
+                and (best is None or fit.share > best[1].share)
+                and self._possible(np.array([nearest]), motion[None])[0]
+            ):
                 best = nearest, fit
             near = near[np.abs(way[near] - way[nearest]) > 2.0 * rules.passage]
         return best
 
-    def _walls(self, key_frames: NDArray[np.int64], poses_world_robot: Array) -> Array:
-        """Walls of key frames, world frame, shape (m, WALL_FIELDS)."""
-        each = [self._scans[key].walls_robot for key in key_frames]
-        walls = np.concatenate(each)
-        homes = poses_world_robot[np.repeat(key_frames, [len(of_one) for of_one in each])]
-        c, s = np.cos(homes[:, 2]), np.sin(homes[:, 2])
-        for x, y in ((WALL_X, WALL_Y), (NORMAL_X, NORMAL_Y)):
-            walls[:, x], walls[:, y] = c * walls[:, x] - s * walls[:, y], s * walls[:, x] + c * walls[:, y]
-        walls[:, [WALL_X, WALL_Y]] += homes[:, :2]
-        return walls
+    def _corners_due(self, newest: int) -> bool:
+        """Whether the passage is not tied to an earlier one already, and the last look was long enough ago."""
+        way, rules = self._way[newest], self._rules
+        due = way - self._closed > rules.constellation and way - self._laid >= rules.corner_spacing
+        self._laid = way if due else self._laid
+        return due
+
+    def _by_corners(self, newest: int, poses_world_robot: Array) -> list[Closure]:
+        """Closures of the newest passage and the one place on which its constellation lies."""
+        way = np.array(self._way)
+        here = np.flatnonzero(way > way[newest] - self._rules.constellation)
+        corners = gather(_relative(newest, here, poses_world_robot), [self._corners[key] for key in here])
+        places = np.array(self._places, np.int64)
+        proposals = self._index.propose(
+            corners, self._rules.corners, lambda hits, poses: self._possible(places[hits], poses)
+        )
+        self.counts.proposed_by_corners += len(proposals)
+        verified: list[tuple[Pose, list[Closure]]] = []
+        for proposal in proposals:
+            older = self._places[proposal.place]
+            start = compose(poses_world_robot[older], proposal.pose_place_robot)
+            witnesses = self._witnesses(older, newest, start, poses_world_robot)
+            if witnesses is None:
+                self.counts.rejected += 1
+            else:
+                verified.append(witnesses)
+        if any(not self._agree(verified[0][0], pose) for pose, _ in verified[1:]):
+            # Two places that fit as well: one of them is a copy.
+            self.counts.rejected += len(verified)
+            return []
+        return verified[0][1] if verified else []
+
+    def _witnesses(
+        self, older: int, newest: int, start: Pose, poses_world_robot: Array
+    ) -> tuple[Pose, list[Closure]] | None:
+        """Pose of the newest key frame, and closures by those of its passage that fit a place alike (eq. M54)."""
+        rules = self._rules
+        walls = walls_world(self._scans, self._about(older, rules.constellation), poses_world_robot)
+        fits: list[tuple[int, Registration, Pose]] = []
+        tried = math.inf
+        for key in range(newest, -1, -1):
+            if self._way[key] < self._way[newest] - rules.constellation:
+                break
+            if self._way[key] > tried - rules.witness_spacing:
+                continue
+            tried = self._way[key]
+            motion = between(poses_world_robot[newest], poses_world_robot[key])
+            fit = self._fit(key, walls, compose(start, motion))
+            if self._certain(fit):
+                fits.append((key, fit, compose(fit.pose_map_robot, inverse(motion))))
+        # Those that agree with the one with which most do.
+        alike = [[each for each in fits if self._agree(one[2], each[2])] for one in fits]
+        agreed = max(alike, key=len, default=[])
+        if len(agreed) < rules.witnesses:
+            return None
+        _, _, pose = max(agreed, key=lambda each: each[1].share)
+        return pose, [closure_of(older, key, poses_world_robot[older], fit) for key, fit, _ in agreed]
+
+    def _remember_places(self, poses_world_robot: Array) -> None:
+        """Index the passages that are far enough behind to be seen again."""
+        rules = self._rules
+        way = np.array(self._way)
+        while self._indexed + rules.constellation < way[-1] - rules.apart:
+            keys = np.flatnonzero((way >= self._indexed) & (way <= self._indexed + rules.constellation))
+            if keys.size:
+                middle = int(keys[keys.size // 2])
+                home = _relative(middle, keys, poses_world_robot)
+                self._index.add(gather(home, [self._corners[key] for key in keys]))
+                self._places.append(middle)
+            self._indexed += rules.constellation / 3.0
+
+    def _fit(self, key_frame: int, walls: Array, start: Pose) -> Registration:
+        return register(self._scans[key_frame], walls, start, UNKNOWN, start, RULES)
+
+    def _certain(self, fit: Registration) -> bool:
+        return fit.share >= self._rules.share and position_sigma(fit) <= self._rules.sigma
+
+    def _possible(self, older: NDArray[np.int64], motions: Array) -> NDArray[np.bool_]:
+        """Whether dead reckoning allows for motions of the newest key frame from older ones, shapes (h,) and (h, 3)."""
+        return self._reckoning.distances2(older, motions, BLUR) <= POSSIBLE
 
 
-def _sigma(fit: Registration) -> float:
-    """Return the standard deviation of a position in its least certain direction, by the scan alone [m]."""
-    information = fit.information
-    if not information[2, 2] > 0.0:
-        return math.inf
-    arm = information[:2, 2:] @ information[2:, :2] / information[2, 2]
-    least = float(np.linalg.eigvalsh(information[:2, :2] - arm)[0])
-    return 1.0 / math.sqrt(least) if least > 0.0 else math.inf
-
-
-def _closure(older: int, newer: int, pose_world_older: Pose, fit: Registration) -> Closure:
-    motion = between(pose_world_older, fit.pose_map_robot)
-    motion[2] = wrap_angle(float(motion[2]))
-    turn = np.eye(3)
-    turn[:2, :2] = rotation(float(pose_world_older[2])).T
-    cov = turn @ np.linalg.inv(fit.information) @ turn.T + SYSTEMATIC
-    return Closure(older, newer, motion, cov)
+def _relative(home: int, key_frames: NDArray[np.int64], poses_world_robot: Array) -> list[Pose]:
+    return [between(poses_world_robot[home], poses_world_robot[key]) for key in key_frames]

@@ -35,7 +35,7 @@ class NisWatch:
     """Judges the last :data:`WINDOW` updates after each.
 
     The gate of the association takes off the tail of each pair's distribution, so that the expected NIS is smaller than
-    its degrees of freedom (eq. M51).
+    its degrees of freedom (eq. M59).
 
     Parameters
     ----------

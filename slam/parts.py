@@ -6,7 +6,7 @@ from features.se2 import Pose
 from slam.association import Gates
 from slam.config import SlamConfig
 from slam.line_odometry import LineOdometry
-from slam.loop_closing import LoopRules
+from slam.loop_rules import LoopRules
 from slam.odometry import ConstantVelocity, OdometryModel, WheelMotion
 
 

@@ -28,7 +28,7 @@ from slam.loop_closing import LoopCloser
 from slam.observed import observed_points
 from slam.parts import gates, line_odometry, loop_rules
 from slam.records import Records
-from slam.result import ClosureCounts, RunMetrics, SlamResult
+from slam.result import RunMetrics, SlamResult
 from slam.stage_clock import StageClock, peak_memory_mb
 from slam.watch import Trust, Watch
 
@@ -248,12 +248,13 @@ class Slam:
         """Hand the frame to the graph, and to all that goes by key frames."""
         with self._clock.timed("back_end"):
             motion, motion_cov = self._since_key_frame.motion, self._since_key_frame.motion_cov
-            self._graph.add_key_frame(self._front.ekf.pose, motion, motion_cov, view.observations(landmarks))
+            observations = view.observations(landmarks, 1e-3 * self.config.back_end.corner_scatter_mm)
+            self._graph.add_key_frame(self._front.ekf.pose, motion, motion_cov, observations)
             self._merge()
             self._graph.update()
             self._front.rest(len(self._key_frames), landmarks)
             if self._odometry.scan is not None:
-                self._closer.add_key_frame(self._odometry.scan, self._since_key_frame.travel)
+                self._closer.add_key_frame(self._odometry.scan, view.corners_robot, motion, motion_cov)
             self._since_key_frame.reset()
             self._odometry.add_key_frame()
             self._key_frames.append(KeyFrame.of(len(self._records) - 1, view, self._sensor))
@@ -267,17 +268,21 @@ class Slam:
         if not self.config.loop.enabled:
             return
         with self._clock.timed("loop"):
-            closure = self._closer.find(self._graph.poses_world_robot)
-            if closure is None:
+            closures = self._closer.find(self._graph.poses_world_robot)
+            if not closures:
                 return
-            self._graph.add_closure(closure)
+            for closure in closures:
+                self._graph.add_closure(closure)
             self._graph.update()
             if not self._rebase():
                 return
             poses = self._graph.poses_world_robot
-            turn = np.eye(3)
-            turn[:2, :2] = rotation(poses[closure.older, 2])
-            self._front.wake(poses, self._closer.passage(closure.older), turn @ closure.cov @ turn.T)
+            for closure in closures:
+                # Where an earlier key frame closes the loop, the next look that finds the place near by does the rest.
+                if closure.newer == len(self._key_frames) - 1:
+                    turn = np.eye(3)
+                    turn[:2, :2] = rotation(poses[closure.older, 2])
+                    self._front.wake(poses, self._closer.passage(closure.older), turn @ closure.cov @ turn.T)
             self._merge()
 
     def _rebase(self) -> bool:
@@ -328,7 +333,7 @@ class Slam:
             registrations=replace(self._odometry.counts),
             observations=replace(self._observations),
             landmark_life=self._front.table.counts(self.config.map.min_observations),
-            closures=ClosureCounts(self._graph.closures, len(estimate.revoked)),
+            closures=replace(self._closer.counts, revoked=len(estimate.revoked)),
             nis=self._watch.nis,
             trust=self.trust,
             stages=self._clock.stages(),

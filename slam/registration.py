@@ -70,10 +70,10 @@ def register(
     """
     sensor = scan.sensor
     pose, information, pull, inliers = register_kernel(
-        scan.points, scan.ranges, scan.bearings, scan.lines, scan.walls_robot, sensor.mounting.x, sensor.mounting.y,
-        sensor.sigma_range**2, sensor.sigma_bearing**2, walls, prior, prior_cov, start, rules.gate, rules.final_gate,
-        rules.reach, rules.scatter**2, rules.roughness**2, rules.kernel**2, math.cos(rules.turn),
-        rules.crookedness**2, rules.step**2, rules.max_iterations,
+        scan.points, scan.ranges, scan.bearings, scan.lines, scan.normals, scan.walls_robot,
+        sensor.mounting.x, sensor.mounting.y, sensor.sigma_range**2, sensor.sigma_bearing**2,
+        walls, prior, prior_cov, start, rules.gate, rules.final_gate, rules.reach, rules.scatter**2, rules.roughness**2,
+        rules.kernel**2, math.cos(rules.turn), rules.crookedness**2, rules.step**2, rules.max_iterations,
     )  # fmt: skip
     pose[2] = wrap_angle(float(pose[2]))
     return Registration(pose, information, pull, inliers / max(len(scan), 1))

@@ -11,6 +11,9 @@ from slam.scan_points import behind
 NEAREST = 0.05
 """A sensor nearer to the line of a wall than this does not see it [m]."""
 
+LEAST_FACING = 0.5
+"""Cosine of the angle between a wall and the surface at a point of no line up to which the point may lie on it."""
+
 SUMS = {"reassoc", "contract", "arcp", "nsz"}
 """Freedom for the compiler in sums; NaN and infinity keep their meaning."""
 
@@ -49,8 +52,8 @@ def _take_off_feigned(information, pull, crookedness2):
 
 @njit(cache=True, error_model="numpy", fastmath=SUMS)
 def register_kernel(
-    points, ranges, bearings, lines, walls_robot, origin_x, origin_y, var_range, var_bearing, walls, prior, prior_cov,
-    start, gate, final_gate, reach, var_scatter, var_rough, kernel2, cos_turn, crookedness2,
+    points, ranges, bearings, lines, normals, walls_robot, origin_x, origin_y, var_range, var_bearing, walls, prior,
+    prior_cov, start, gate, final_gate, reach, var_scatter, var_rough, kernel2, cos_turn, crookedness2,
     step_limit2, max_iterations,
 ):  # fmt: skip
     """Fit a scan to walls; return pose, information, pull and the number of points on a wall (eq. M27-M31)."""
@@ -69,7 +72,7 @@ def register_kernel(
         # A wide gate takes in what a good start would not: the wider it is, the less a residual says.
         spread = 0.0 if last else gate * gate / 16.0
         _lay_walls(
-            points, bearings, lines, walls_robot, origin_x, origin_y, walls, pose, gate, reach,
+            points, bearings, lines, normals, origin_x, origin_y, walls, pose, gate, reach,
             max(var_scatter, spread), cos_turn, turned, beams, knowledge,
         )  # fmt: skip
         inliers = _accumulate(
@@ -91,7 +94,7 @@ def register_kernel(
 
 @njit(cache=True, error_model="numpy", fastmath=SUMS, forceinline=True)
 def _lay_walls(
-    points, bearings, lines, walls_robot, origin_x, origin_y, walls, pose, gate, reach, var_scatter, cos_turn, turned,
+    points, bearings, lines, normals, origin_x, origin_y, walls, pose, gate, reach, var_scatter, cos_turn, turned,
     beams, knowledge,
 ):  # fmt: skip
     """Sum up, for each beam, the walls behind it, and for each line of the scan what the walls know of it (eq. M28)."""
@@ -130,10 +133,10 @@ def _lay_walls(
             if abs(residual) > gate or abs(turning - lever) > half:
                 continue
             line = lines[i]
-            if line >= 0:
-                line_x, line_y = walls_robot[line, NORMAL_X], walls_robot[line, NORMAL_Y]
-                if normal_x * (c * line_x - s * line_y) + normal_y * (s * line_x + c * line_y) < cos_turn:
-                    continue
+            here_x, here_y = normals[i, 0], normals[i, 1]
+            facing = normal_x * (c * here_x - s * here_y) + normal_y * (s * here_x + c * here_y)
+            if facing < (cos_turn if line >= 0 else LEAST_FACING):
+                continue
             arm = turning - lever_center
             variance = walls[k, VAR_OFFSET] + walls[k, VAR_ANGLE] * arm * arm
             # A Cauchy kernel of two sigmas, times the inverse of its variance.

@@ -12,6 +12,7 @@ from slam.association import ObservationCounts
 from slam.config import SlamConfig
 from slam.landmark import LandmarkCounts
 from slam.line_odometry import RegistrationCounts
+from slam.loop_rules import LoopCounts
 from slam.nis_watch import NisSummary
 from slam.trajectory import Trajectory
 from slam.watch import Trust
@@ -93,14 +94,6 @@ class StageTime:
 
 
 @dataclass(frozen=True, slots=True)
-class ClosureCounts:
-    """Loop closures that entered the graph, and those of them that its solution contradicted."""
-
-    accepted: int
-    revoked: int
-
-
-@dataclass(frozen=True, slots=True)
 class RunMetrics:
     """Figures of a run; ``records`` counts every stamped record, ``scans`` those with a scan."""
 
@@ -115,7 +108,7 @@ class RunMetrics:
     registrations: RegistrationCounts
     observations: ObservationCounts
     landmark_life: LandmarkCounts
-    closures: ClosureCounts
+    closures: LoopCounts
     nis: NisSummary | None
     trust: Trust
     stages: dict[str, StageTime]

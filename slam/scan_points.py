@@ -12,6 +12,15 @@ from features.se2 import TWO_PI, Array
 from features.sensor import SensorModel
 from slam.line_map import LENGTH, NORMAL_X, NORMAL_Y, WALL_X, WALL_Y
 
+BESIDE = 0.1
+"""How far on either side points tell the direction of a surface [m]."""
+
+SAME_SURFACE = 0.15
+"""Neighbours farther apart than this do not lie on one surface [m]."""
+
+LEAST_LENGTH = 0.08
+"""A surface shorter than this has no direction that could be told [m]."""
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ScanPoints:
@@ -23,6 +32,8 @@ class ScanPoints:
     ranges : shape (n,) [m].
     bearings : directions from the sensor in the axes of the robot, rising, shape (n,), in [-pi, pi) [rad].
     lines : index of the line of the scan that each point belongs to, -1 for none, shape (n,).
+    normals : of the surface at each point, robot frame, towards the sensor, shape (n, 2): that of its line, else by the
+        points beside it; NaN where these tell nothing.
     walls_robot : lines of the scan as walls, robot frame, shape (L, WALL_FIELDS).
     sensor : noise of a beam and mounting.
     """
@@ -31,6 +42,7 @@ class ScanPoints:
     ranges: Array
     bearings: Array
     lines: NDArray[np.int64]
+    normals: Array
     walls_robot: Array
     sensor: SensorModel
 
@@ -49,11 +61,11 @@ def scan_points(scan: LaserScan, walls_robot: Array, sensor: SensorModel, distan
     distance : how far a point may lie from the line that it belongs to [m].
     """
     mounting = sensor.mounting
-    points, ranges, bearings, lines = _points_kernel(
+    points, ranges, bearings, lines, normals = _points_kernel(
         scan.ranges, scan.angles, sensor.range_min, sensor.range_max, mounting.x, mounting.y, mounting.theta,
         -1.0 if mounting.upside_down else 1.0, walls_robot, distance,
     )  # fmt: skip
-    return ScanPoints(points, ranges, bearings, lines, walls_robot, sensor)
+    return ScanPoints(points, ranges, bearings, lines, normals, walls_robot, sensor)
 
 
 @njit(cache=True, error_model="numpy")
@@ -87,7 +99,38 @@ def _points_kernel(
             residual = normal_x * (points[i, 0] - origin_x - arm_x) + normal_y * (points[i, 1] - origin_y - arm_y)
             if abs(residual) <= distance:
                 lines[i] = k
-    return points, ranges, bearings, lines
+    return points, ranges, bearings, lines, _normals(points, lines, walls_robot, origin_x, origin_y)
+
+
+@njit(cache=True, error_model="numpy")
+def _normals(points, lines, walls_robot, origin_x, origin_y):
+    n = len(points)
+    normals = np.full((n, 2), np.nan)
+    for i in range(n):
+        if lines[i] >= 0:
+            normals[i, 0] = walls_robot[lines[i], NORMAL_X]
+            normals[i, 1] = walls_robot[lines[i], NORMAL_Y]
+            continue
+        # As far along the surface as it goes on, for the noise to matter little.
+        first = last = i
+        while first > 0 and _near(points, first, first - 1, SAME_SURFACE) and _near(points, i, first, BESIDE):
+            first -= 1
+        while last < n - 1 and _near(points, last, last + 1, SAME_SURFACE) and _near(points, i, last, BESIDE):
+            last += 1
+        x = points[last, 0] - points[first, 0]
+        y = points[last, 1] - points[first, 1]
+        length = math.hypot(x, y)
+        if length < LEAST_LENGTH:
+            continue
+        sense = 1.0 if (points[i, 0] - origin_x) * y - (points[i, 1] - origin_y) * x < 0.0 else -1.0
+        normals[i, 0] = sense * y / length
+        normals[i, 1] = -sense * x / length
+    return normals
+
+
+@njit(cache=True, error_model="numpy")
+def _near(points, i, j, distance):
+    return math.hypot(points[i, 0] - points[j, 0], points[i, 1] - points[j, 1]) <= distance
 
 
 @njit(cache=True, error_model="numpy")

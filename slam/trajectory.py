@@ -8,9 +8,13 @@ from pathlib import Path
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+from scipy.ndimage import minimum_filter1d
 
 from features.errors import CwlfError
 from features.se2 import Array, wrap_angle
+
+STAMPS_ABOUT = 101
+"""How many different stamps, about one of them, tell how long the clock ticks there."""
 
 
 class TrajectoryFormatError(CwlfError):
@@ -93,8 +97,8 @@ class Trajectory:
     def nearest(self, stamps: ArrayLike, tolerance: float) -> NDArray[np.intp]:
         """Look up the pose nearest in time, of two equally near stamps the earlier.
 
-        Of several poses of one stamp it is the middle one: they were taken one after the other, faster than the clock
-        ticks, and none is nearer to all of them in time.
+        Poses of one stamp were taken one after the other, faster than the clock ticks: evenly spread over the tick that
+        was rounded to their stamp. A tick is the least time between different stamps thereabouts.
 
         Parameters
         ----------
@@ -117,10 +121,14 @@ class Trajectory:
         before = np.maximum(after - 1, 0)
         to_after = self.stamps[after] - wanted
         to_before = wanted - self.stamps[before]
-        nearest = self.stamps[np.where((to_after < to_before) | (after == 0), after, before)]
-        first, end = (np.searchsorted(self.stamps, nearest, side=side) for side in ("left", "right"))
-        indices = (first + end - 1) // 2
-        return np.where(np.abs(self.stamps[indices] - wanted) <= tolerance, indices, -1)
+        at = np.where((to_after < to_before) | (after == 0), after, before)
+        first, end = (np.searchsorted(self.stamps, self.stamps[at], side=side) for side in ("left", "right"))
+        distinct = np.unique(self.stamps)
+        ticks = minimum_filter1d(np.append(np.diff(distinct), np.inf), STAMPS_ABOUT, mode="nearest")
+        tick = ticks[np.searchsorted(distinct, self.stamps[at])]
+        share = np.clip(0.5 + (wanted - self.stamps[at]) / tick, 0.0, 1.0)
+        indices = np.maximum(first, first - 1 + np.ceil(share * (end - first)).astype(np.intp))
+        return np.where(np.abs(self.stamps[at] - wanted) <= tolerance, indices, -1)
 
 
 def _stamp_array(stamps: ArrayLike) -> Array:

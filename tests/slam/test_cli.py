@@ -151,6 +151,18 @@ def test_limit_counts_scans(cwlf: Callable[..., Outcome], room_log: Path, tmp_pa
     assert json.loads((tmp_path / "run" / "metrics.json").read_text())["scans"] == 7
 
 
+def test_part_of_a_log_is_run_on_request(cwlf: Callable[..., Outcome], room_log: Path, tmp_path: Path) -> None:
+    assert cwlf("run", room_log, "--limit", 5, "--every", 3, "--skip", 2.0, "--out", tmp_path / "run").code == 0
+    stamps = np.loadtxt(tmp_path / "run" / "trajectory_online.tum")[:, 0]
+    whole = np.loadtxt(tmp_path / "run" / "trajectory.tum")[:, 0]
+    assert len(stamps) == 5
+    np.testing.assert_allclose(np.diff(stamps), 0.3, atol=1e-6)
+    assert len(whole) > 5 * len(stamps)
+    outcome = cwlf("run", room_log, "--skip", 1e6, "--out", tmp_path / "none")
+    assert outcome.code == 1
+    assert "skip less" in outcome.err
+
+
 def test_a_folder_that_is_not_empty_is_refused_until_told_otherwise(
     cwlf: Callable[..., Outcome], room_log: Path, tmp_path: Path
 ) -> None:

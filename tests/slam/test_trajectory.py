@@ -170,8 +170,19 @@ def test_tum_files_that_cannot_be_opened_are_errors(tmp_path):
             read_tum(path)
 
 
-def test_of_several_poses_of_one_stamp_the_middle_one_is_nearest():
+def test_poses_of_one_stamp_follow_one_another_within_the_tick():
     poses = np.column_stack([np.arange(6.0), np.zeros(6), np.zeros(6)])
     trajectory = Trajectory(np.array([0.0, 1.0, 1.0, 1.0, 1.0, 2.0]), poses)
-    assert trajectory.nearest([0.9, 1.0, 1.1], 0.5).tolist() == [2, 2, 2]
-    assert trajectory.nearest([1.6, 0.4], 0.5).tolist() == [5, 0]
+    assert trajectory.nearest([0.4, 0.55, 0.8, 1.0, 1.2, 1.45, 1.6], 0.5).tolist() == [0, 1, 2, 2, 3, 4, 5]
+    alone = Trajectory(np.array([1.0, 1.0, 1.0]), poses[:3])
+    assert alone.nearest([0.9, 1.0, 1.1], 0.5).tolist() == [1, 1, 1]
+
+
+@given(st.lists(st.integers(1, 12), min_size=1, max_size=20))
+def test_a_record_is_found_again_by_its_true_stamp_though_the_log_rounds_it(counts):
+    """Records that are spread evenly over ticks of a second, and a log that knows the second only."""
+    rounded = np.repeat(np.arange(len(counts), dtype=float), counts)
+    true = np.concatenate([tick - 0.5 + (np.arange(n) + 0.5) / n for tick, n in enumerate(counts)])
+    trajectory = Trajectory(rounded, np.zeros((len(rounded), 3)))
+    if len(counts) > 1:
+        assert trajectory.nearest(true, 0.5).tolist() == list(range(len(rounded)))

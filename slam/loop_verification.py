@@ -1,0 +1,55 @@
+"""Whether a scan shows the walls of a place seen before, and what that says of where the two were taken."""
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from features.se2 import Array, Pose, between, rotation, wrap_angle
+from slam.graph_factors import Closure
+from slam.line_map import NORMAL_X, NORMAL_Y, WALL_X, WALL_Y
+from slam.registration import Registration
+from slam.scan_points import ScanPoints
+
+SYSTEMATIC = np.diag([0.02, 0.02, math.radians(0.5)]) ** 2
+"""Covariance that two registrations of the same place share: walls that are not straight, things that were moved."""
+
+
+def walls_world(scans: Sequence[ScanPoints], key_frames: NDArray[np.int64], poses_world_robot: Array) -> Array:
+    """Walls that key frames saw, world frame, shape (m, WALL_FIELDS).
+
+    Parameters
+    ----------
+    scans : of all key frames.
+    key_frames : those whose walls are wanted, shape (k,), k >= 1.
+    poses_world_robot : of all key frames, shape (n, 3).
+    """
+    each = [scans[key].walls_robot for key in key_frames]
+    walls = np.concatenate(each)
+    homes = poses_world_robot[np.repeat(key_frames, [len(of_one) for of_one in each])]
+    c, s = np.cos(homes[:, 2]), np.sin(homes[:, 2])
+    for x, y in ((WALL_X, WALL_Y), (NORMAL_X, NORMAL_Y)):
+        walls[:, x], walls[:, y] = c * walls[:, x] - s * walls[:, y], s * walls[:, x] + c * walls[:, y]
+    walls[:, [WALL_X, WALL_Y]] += homes[:, :2]
+    return walls
+
+
+def position_sigma(fit: Registration) -> float:
+    """Return the standard deviation of a position in its least certain direction, by the scan alone [m]."""
+    information = fit.information
+    if not information[2, 2] > 0.0:
+        return math.inf
+    arm = information[:2, 2:] @ information[2:, :2] / information[2, 2]
+    least = float(np.linalg.eigvalsh(information[:2, :2] - arm)[0])
+    return 1.0 / math.sqrt(least) if least > 0.0 else math.inf
+
+
+def closure_of(older: int, newer: int, pose_world_older: Pose, fit: Registration) -> Closure:
+    """Closure that a registration of the newer key frame to the walls about the older one makes (eq. M48)."""
+    motion = between(pose_world_older, fit.pose_map_robot)
+    motion[2] = wrap_angle(float(motion[2]))
+    turn = np.eye(3)
+    turn[:2, :2] = rotation(float(pose_world_older[2])).T
+    cov = turn @ np.linalg.inv(fit.information) @ turn.T + SYSTEMATIC
+    return Closure(older, newer, motion, cov)

@@ -1,0 +1,149 @@
+"""Places by their constellations of corners, found again by pairs of corners wherever the robot believes to be."""
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial import KDTree
+
+from features.se2 import Array, Pose, wrap_angle
+from slam.constellation import SAME_ANGLE, Constellation, lay
+
+SHORTEST_PAIR = 1.0
+"""Two corners nearer to each other than this tell little of a heading [m]."""
+
+PAIR_TOLERANCE = 0.3
+"""How far the lengths of a pair on two visits may differ [m]."""
+
+CORNER_TOLERANCE = 0.4
+"""How far a corner may lie off its place in a constellation of another visit [m]."""
+
+VOTES = 3
+"""Pairs that have to put the robot at one place: three corners make so many."""
+
+VOTE_DISTANCE, VOTE_TURN = 0.5, math.radians(10.0)
+"""How far these pairs may differ in where they put it [m, rad]."""
+
+Admit = Callable[[NDArray[np.int64], Array], NDArray[np.bool_]]
+"""Whether the robot may be there: from the places, shape (h,), and its poses in their frames, shape (h, 3)."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Proposal:
+    """A place where the robot may be.
+
+    Parameters
+    ----------
+    place : its number, in the order in which the places were added.
+    pose_place_robot : shape (3,).
+    count : corners that are the same.
+    """
+
+    place: int
+    pose_place_robot: Pose
+    count: int
+
+
+class PlaceIndex:
+    """Places that were seen, indexed by the geometry of their pairs of corners.
+
+    A pair is known by its length, and by the kinds, opening angles and bisectors of its corners, these relative to it:
+    nothing of that depends on where the robot believes to be.
+    """
+
+    def __init__(self) -> None:
+        self._places: list[Constellation] = []
+        self._pairs: list[Array] = []
+        self._tree: KDTree | None = None
+
+    def __len__(self) -> int:
+        return len(self._places)
+
+    def add(self, constellation: Constellation) -> None:
+        """Remember a place by its constellation, given in its frame."""
+        ordered = np.nonzero(~np.eye(len(constellation), dtype=np.bool_))
+        self._places.append(constellation)
+        self._pairs.append(_pairs(constellation, *ordered))
+        self._tree = None
+
+    def propose(self, constellation: Constellation, least: int, admit: Admit) -> list[Proposal]:
+        """Look for places on which a constellation, robot frame, lies with ``least`` corners or more (eq. M52-M53).
+
+        Returns
+        -------
+        The best of each place, that with the most corners first.
+        """
+        places, poses = self._hypotheses(_pairs(constellation, *np.triu_indices(len(constellation), 1)))
+        admitted = admit(places, poses) if len(places) else np.zeros(0, np.bool_)
+        places, poses = places[admitted], poses[admitted]
+        votes = self._votes(places, poses, constellation.positions)
+        best: dict[int, Proposal] = {}
+        tried: set[int] = set()
+        for at in np.argsort(-votes, kind="stable"):
+            place = int(places[at])
+            if votes[at] < VOTES:
+                break
+            if place in tried:
+                continue
+            tried.add(place)
+            pose_place_robot, count = lay(constellation, self._places[place], poses[at], CORNER_TOLERANCE)
+            if count >= least:
+                best[place] = Proposal(place, pose_place_robot, count)
+        return sorted(best.values(), key=lambda proposal: -proposal.count)
+
+    def _hypotheses(self, here: Array) -> tuple[NDArray[np.int64], Array]:
+        """Places with a pair alike, shape (h,), and the pose of the robot in its frame by this pair, shape (h, 3)."""
+        if self._tree is None:
+            self._known = np.concatenate([*self._pairs, np.empty((0, PAIR_FIELDS))])
+            self._place_of = np.repeat(np.arange(len(self._pairs)), [len(pairs) for pairs in self._pairs])
+            self._tree = KDTree(self._known[:, SIGNATURE:])
+        alike = self._tree.query_ball_point(here[:, SIGNATURE:], 1.0, p=np.inf)
+        mine = np.repeat(np.arange(len(here)), [len(each) for each in alike])
+        theirs = np.array([pair for each in alike for pair in each], np.int64)
+        seen, known = here[mine], self._known[theirs]
+        turns = wrap_angle(known[:, DIRECTION] - seen[:, DIRECTION])
+        return self._place_of[theirs], np.column_stack([known[:, :2] - _turned(seen[:, :2], turns), turns])
+
+    def _votes(self, places: NDArray[np.int64], poses: Array, corners: Array) -> NDArray[np.int64]:
+        """How many hypotheses of the same place put the middle of the corners where each does, itself included."""
+        if not len(places):
+            return np.zeros(0, np.int64)
+        middles = poses[:, :2] + _turned(np.tile(corners.mean(axis=0), (len(poses), 1)), poses[:, 2])
+        chord = 2.0 * math.sin(VOTE_TURN / 2.0)
+        turns = np.stack([np.cos(poses[:, 2]), np.sin(poses[:, 2])], axis=-1) / chord
+        ballots = np.column_stack([FAR_APART * places, middles / VOTE_DISTANCE, turns])
+        return np.asarray(KDTree(ballots).query_ball_point(ballots, 1.0, p=np.inf, return_length=True))
+
+
+DIRECTION, SIGNATURE, PAIR_FIELDS = 2, 3, 12
+"""A pair of corners: its middle, direction from the first to the second, and what does not depend on the frame."""
+
+FAR_APART = 10.0
+"""What keeps kinds apart in a tree whose tolerance is 1."""
+
+
+def _pairs(corners: Constellation, first: NDArray[np.int64], second: NDArray[np.int64]) -> Array:
+    """Pairs of corners, shape (k, PAIR_FIELDS); what is alike differs by 1 at most in each field of the signature."""
+    arms = corners.positions[second] - corners.positions[first]
+    lengths = np.hypot(arms[:, 0], arms[:, 1])
+    kept = lengths >= SHORTEST_PAIR
+    first, second, arms, lengths = first[kept], second[kept], arms[kept], lengths[kept]
+    directions = np.arctan2(arms[:, 1], arms[:, 0])
+    middles = 0.5 * (corners.positions[first] + corners.positions[second])
+    fields = [middles, directions, lengths / PAIR_TOLERANCE]
+    # Angles as points of a circle, where those that differ by the tolerance are one apart.
+    radius = 0.5 / math.sin(SAME_ANGLE / 2.0)
+    for at in (first, second):
+        bisectors = corners.orientations[at] - directions
+        fields += [radius * np.cos(bisectors), radius * np.sin(bisectors)]
+        fields += [corners.opening_angles[at] / SAME_ANGLE, FAR_APART * corners.convex[at]]
+    return np.column_stack(fields)
+
+
+def _turned(points: Array, turns: Array) -> Array:
+    """Points, shape (n, 2), each turned by its own angle, shape (n,)."""
+    c, s = np.cos(turns), np.sin(turns)
+    x, y = points.T
+    return np.stack([c * x - s * y, s * x + c * y], axis=-1)

@@ -1,0 +1,96 @@
+"""Places recognised by their corners: by a robot that is metres off, and not where a building repeats itself."""
+
+import math
+
+import numpy as np
+import pytest
+
+from features.extract import extract
+from features.se2 import between, compose, pose
+from sim.world import World
+from slam.loop_closing import LoopCloser
+from slam.loop_rules import LoopRules
+
+from .registration_scenes import CONFIG, LIDAR, SENSOR, points_of
+from .test_loop_closing import LAP, PILLARS, RING, ROUND, along, box
+
+RULES = LoopRules()
+MOTION_COV = np.diag([0.005, 0.005, math.radians(0.1)]) ** 2
+"""Covariance of a motion of one step, of which the key frames of these tests know the truth."""
+
+SLIP = pose(4.0, -5.0, math.radians(25.0))
+SLIP_COV = np.diag([4.0, 4.0, math.radians(30.0)]) ** 2
+
+
+def drive(world, truth, seed, slips=None):
+    """Drive a way; what is found at each key frame, and the closer. ``slips``: motion and covariance that odometry has
+    beside the truth, by key frame."""
+    rng = np.random.default_rng(seed)
+    closer = LoopCloser(RULES)
+    estimate, found = [truth[0]], []
+    for k, here in enumerate(truth):
+        motion, cov = between(truth[k - 1], here) if k else pose(), MOTION_COV
+        if slips and k in slips:
+            slip, cov = slips[k]
+            motion = compose(motion, slip)
+        if k:
+            estimate.append(compose(estimate[-1], motion))
+        scan = LIDAR.scan(world, here, 0.0, rng)
+        corners = extract(scan, SENSOR, CONFIG.extraction).corners.to_robot(SENSOR.mounting)
+        closer.add_key_frame(points_of(scan), corners, motion, cov)
+        found.append(closer.find(np.array(estimate)))
+    return found, closer
+
+
+def true(closure, truth):
+    dx, dy, turn = between(between(truth[closure.older], truth[closure.newer]), closure.motion)
+    return math.hypot(dx, dy) < 0.05 and abs(turn) < math.radians(1.0)
+
+
+@pytest.mark.parametrize("seed", range(2))
+def test_a_robot_that_is_metres_off_finds_its_way_back(seed):
+    """Half way round odometry slips by 6 m and 25 deg, and says that it may have."""
+    truth = along(ROUND, LAP + 30)
+    found, closer = drive(RING, truth, seed, {LAP // 2: (SLIP, SLIP_COV)})
+    closures = [closure for each in found for closure in each]
+    assert closer.counts.proposed_by_corners > 0
+    assert closer.counts.accepted == len(closures) > 0
+    assert all(true(closure, truth) for closure in closures)
+    # All witnesses of a passage enter at once.
+    first = next(each for each in found if any(closure.older < LAP // 2 < closure.newer for closure in each))
+    assert len(first) >= RULES.witnesses
+    assert len({closure.newer for closure in first}) == len(first)
+
+
+def test_what_dead_reckoning_denies_is_not_believed():
+    """The same slip, of which odometry says nothing: the same walls are then those of a place that looks the same."""
+    found, _ = drive(RING, along(ROUND, LAP + 30), 0, {LAP // 2: (SLIP, MOTION_COV)})
+    assert not [closure for each in found for closure in each if closure.older < LAP // 2 < closure.newer]
+
+
+def rings(count):
+    """The ring so many times, 30 m apart."""
+    outlines = [box(0.0, 0.0, 20.0, 12.0), box(2.5, 2.5, 15.0, 7.0), *PILLARS]
+    copies = [outline + np.array([30.0 * k, 0.0]) for k in range(count) for outline in outlines]
+    return World.from_polygons("rings", copies)
+
+
+def laps(count, steps):
+    """So many steps round each of the rings, one after the other."""
+    return np.concatenate([along(ROUND, steps) + np.array([30.0 * k, 0.0, 0.0]) for k in range(count)])
+
+
+def test_a_room_that_is_a_copy_is_not_taken_for_the_first():
+    truth = laps(2, LAP - 8)
+    found, _ = drive(rings(2), truth, 1)
+    assert all(true(closure, truth) for each in found for closure in each)
+
+
+def test_a_robot_that_is_lost_among_copies_says_nothing():
+    """Lost on the way to the third of three rooms that are alike, it could be in any of them."""
+    steps = LAP - 8
+    truth = laps(3, steps)
+    found, closer = drive(rings(3), truth, 2, {2 * steps: (pose(1.0, 1.0, 0.3), np.diag([60.0, 60.0, 3.0]) ** 2)})
+    assert closer.counts.proposed_by_corners >= 2
+    assert closer.counts.rejected >= 2
+    assert all(true(closure, truth) for each in found for closure in each)
