@@ -27,11 +27,14 @@ class Scanner:
         self.port, self.device, self.heard = str(link), device, []
         self._plugged = threading.Event()
         self._unplugged = threading.Event()
-        self._reader, write = RequestReader(), device.write
+        self._changed = threading.Condition()
+        reader, write = RequestReader(), device.write
 
         def listen(data, time, baud=None):
-            self.heard += self._reader.feed(data)
             write(data, time, baud)
+            with self._changed:
+                self.heard += reader.feed(data)
+                self._changed.notify_all()
 
         device.write = listen
         self._terminal = Terminal(device, link, lambda path: self._plugged.set())
@@ -40,6 +43,15 @@ class Scanner:
     def _serve(self):
         with self._terminal as terminal:
             terminal.serve(self._unplugged.is_set)
+
+    def hears_last(self, *requests):
+        """Whether these bytes are the last requests, now or soon."""
+
+        def heard():
+            return [request.pack() for request in self.heard[-len(requests) :]] == list(requests)
+
+        with self._changed:
+            return self._changed.wait_for(heard, 30.0)
 
     def plug_in(self):
         self._thread.start()
