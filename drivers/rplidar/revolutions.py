@@ -47,7 +47,8 @@ class RevolutionDecoder:
         self._pending = packet_format.pending
         self._decoder = SampleDecoder(stream.answer)
         wire_time = packet_format.size * 10.0 / stream.baud
-        self._clock = SampleClock(stream.us_per_sample * 1e-6, packet_format.samples, wire_time)
+        self._period = stream.us_per_sample * 1e-6
+        self._clock = SampleClock(self._period, packet_format.samples, wire_time)
         self._durations = Steady()
         self._parts: list[tuple[Array, Array, Array]] = []
         self._begun = self._patchy = False
@@ -102,7 +103,9 @@ class RevolutionDecoder:
 
     def _close(self, end: float) -> list[LaserScan]:
         clockwise, ranges, times = (np.concatenate(column) for column in zip(*self._parts, strict=True))
-        if not self._durations.agrees(end - times[0]):
+        # Without a gap the samples tell the time; the clock may jump, where this computer was late to read.
+        duration = end - times[0] if self._patchy else len(times) * self._period
+        if not self._durations.agrees(duration):
             self._counts += Counts(broken_revolutions=1)
             return []
         self._counts += Counts(revolutions=1, patchy_revolutions=self._patchy)
