@@ -2,20 +2,23 @@
 
 from drivers.carmen import CarmenLog
 from drivers.carmen_export import write_carmen
-from drivers.errors import LogFormatError, RecordError
+from drivers.errors import DriverError, LogFormatError, RecordError
 from drivers.frame import Frame, FrameSource
 from drivers.open_log import is_recording, open_log
 from drivers.recorder import Recorder
 from drivers.recording import Recording
+from drivers.rplidar import Rplidar
 
 __all__ = [
     "CarmenLog",
+    "DriverError",
     "Frame",
     "FrameSource",
     "LogFormatError",
     "RecordError",
     "Recorder",
     "Recording",
+    "Rplidar",
     "is_recording",
     "open_log",
     "write_carmen",

@@ -27,18 +27,19 @@ def test_times_are_exact_where_nothing_delays(seed):
 
 @given(st.integers(0, 2**32 - 1))
 def test_random_delays_average_out(seed):
-    """The least of 100 delays of 5 ms on the average is 0.05 ms; ten times this comes once in 10^4.3."""
+    """The estimate rises by 43 us a packet and falls with each that comes before it: some 1 ms of delays of 5 ms."""
     found, true = sample_times(seed, 5e-3)
     late = (found - true)[100 * SAMPLES :]
     assert late.min() > -1e-9
-    assert late.max() < 1e-3
+    assert late.max() < 4e-3
+    assert late.mean() < 2e-3
 
 
-@given(st.integers(0, 2**32 - 1), st.floats(-1e-3, 1e-3))
+@given(st.integers(0, 2**32 - 1), st.floats(-5e-3, 5e-3))
 def test_a_clock_of_the_scanner_that_goes_wrong_does_not_add_up(seed, drift):
-    """0.1 % over the half second of the window, and what the delays add."""
+    """0.5 % are 10 ms in these 2 s."""
     found, true = sample_times(seed, 1e-3, 500, drift)
-    assert np.abs(found - true)[100 * SAMPLES :].max() < 0.5e-3 + 0.5e-3
+    assert np.abs(found - true)[100 * SAMPLES :].max() < 3e-3
 
 
 @given(st.lists(st.tuples(st.integers(0, 5), st.floats(-1.0, 1.0)), min_size=1, max_size=30))
@@ -55,11 +56,11 @@ def test_times_never_go_back(arrivals):
 
 
 def test_bytes_held_back_for_seconds_keep_their_times():
-    """A host that does not read for 2 s gets all packets at once."""
+    """A host that does not read for 2 s gets the packets of that time at once, some with each read."""
     clock = SampleClock(PERIOD, SAMPLES, WIRE)
     delay = WIRE + PERIOD * 0.5
-    for k in range(100):
-        clock.arrive(k, (k + 1) * PACKET + delay)
-        clock.times(k, SAMPLES)
-    clock.arrive(560, 561 * PACKET + delay)
-    np.testing.assert_allclose(clock.times(100, SAMPLES), PERIOD * (4000 + np.arange(40)), atol=1e-9)
+    for k in range(560):
+        there = min(k // 20 * 20 + 19, 559) if k >= 100 else k
+        clock.arrive(there, ((560 if k >= 100 else k) + 1) * PACKET + delay)
+        # 1 % of the 2 s at most.
+        np.testing.assert_allclose(clock.times(k, SAMPLES), PERIOD * (SAMPLES * k + np.arange(SAMPLES)), atol=0.021)
