@@ -4,7 +4,10 @@ The state is ``[x, y, theta, x_1, y_1, x_2, y_2, ...]``, world frame. What filte
 landmarks, is done on the few rows that a motion or an observation touches; state, names and bookkeeping are filterpy's.
 """
 
+from __future__ import annotations
+
 from collections.abc import Callable
+from dataclasses import dataclass
 
 import numpy as np
 from filterpy.kalman import ExtendedKalmanFilter
@@ -83,14 +86,14 @@ class LandmarkEkf(ExtendedKalmanFilter):
     def update(
         self,
         z: Array,
-        HJacobian: Callable[..., csr_array],
+        HJacobian: Callable[..., CornerJacobian | csr_array],
         Hx: Callable[..., Array],
         R: Array | None = None,
         args: tuple[object, ...] = (),
         hx_args: tuple[object, ...] = (),
         residual: Callable[[Array, Array], Array] = np.subtract,
     ) -> None:
-        """Update with a measurement as filterpy does, for a Jacobian that is a sparse array.
+        """Update with a measurement as filterpy does, for a Jacobian that is sparse.
 
         Raises
         ------
@@ -145,6 +148,10 @@ class LandmarkEkf(ExtendedKalmanFilter):
         self._I = np.eye(self.dim_x)
         self._save_posterior()
 
+    def positions_robot(self) -> Array:
+        """Landmarks in the robot frame, shape (n, 2) [m]."""
+        return predict_corners(self.x, np.arange(len(self.landmarks)))
+
     def relative(self) -> tuple[Array, Array]:
         """Landmarks in the robot frame, shape (n, 2) [m], and their joint covariance, shape (2 n, 2 n) [m^2]."""
         landmarks = np.arange(len(self.landmarks))
@@ -179,17 +186,36 @@ def predict_corners(x: Array, landmarks: NDArray[np.int64]) -> Array:
     return (x[POSE_DIM:].reshape(-1, 2)[landmarks] - x[:2]) @ rotation(x[2])
 
 
-def corner_jacobian(x: Array, landmarks: NDArray[np.int64]) -> csr_array:
+@dataclass(frozen=True, slots=True, eq=False)
+class CornerJacobian:
+    """Derivative of :func:`predict_corners` by the state, of which only the entries that are not zero are kept.
+
+    Parameters
+    ----------
+    by_pose, by_landmark : its blocks, shapes (k, 2, 3) and (2, 2).
+    landmarks : indices, shape (k,).
+    dim_x : dimension of the state.
+    """
+
+    by_pose: Array
+    by_landmark: Array
+    landmarks: NDArray[np.int64]
+    dim_x: int
+
+    def __matmul__(self, matrix: Array) -> Array:
+        """Product with a dense matrix, shape (dim_x, m), on the rows that it touches."""
+        columns = matrix.shape[1]
+        rows = matrix[POSE_DIM:].reshape((self.dim_x - POSE_DIM) // 2, 2, columns)[self.landmarks]
+        return (self.by_pose @ matrix[:POSE_DIM] + self.by_landmark @ rows).reshape(2 * len(rows), columns)
+
+    def toarray(self) -> Array:
+        """All entries, shape (2 k, dim_x)."""
+        return self @ np.eye(self.dim_x)
+
+
+def corner_jacobian(x: Array, landmarks: NDArray[np.int64]) -> CornerJacobian:
     """Differentiate :func:`predict_corners` by the state, shape (2 k, dim_x), five entries a row, eq. M15."""
-    by_pose, by_landmark = corner_jacobian_blocks(x, landmarks)
-    k = len(landmarks)
-    values = np.empty((k, 2, 5))
-    values[:, :, :3] = by_pose
-    values[:, :, 3:] = by_landmark
-    columns = np.empty((k, 2, 5), np.int64)
-    columns[:, :, :3] = (0, 1, 2)
-    columns[:, :, 3:] = (POSE_DIM + 2 * landmarks[:, None] + np.arange(2))[:, None, :]
-    return csr_array((values.ravel(), columns.ravel(), np.arange(0, 10 * k + 1, 5)), shape=(2 * k, x.size))
+    return CornerJacobian(*corner_jacobian_blocks(x, landmarks), landmarks, x.size)
 
 
 def corner_jacobian_blocks(x: Array, landmarks: NDArray[np.int64]) -> tuple[Array, Array]:

@@ -11,19 +11,14 @@ from scipy.sparse import csr_array
 
 from features.feature import Corners
 from features.scan import LaserScan
-from features.se2 import TWO_PI, Array, Pose, wrap_angle
+from features.se2 import Array, Pose, wrap_angle
 from features.sensor import SensorModel
 from slam.association import Association, Gates, Signatures, associate, associate_identified, similar
 from slam.ekf import POSE_DIM, LandmarkEkf, corner_jacobian_blocks
 from slam.landmark import GONE, LandmarkTable
+from slam.visibility import seen_through, similar_pairs
 
 Indices = NDArray[np.int64]
-
-SEEN_THROUGH = 0.3
-"""How far behind a landmark the beams have to end for it to be missed [m]."""
-
-BEAMS_BESIDE = 2
-"""Beams on either side of a landmark that all have to go through its place."""
 
 MERGE_SIGMA = 0.01
 """Standard deviation of the distance of two landmarks that are one [m]."""
@@ -117,7 +112,7 @@ class FrontEnd:
         if not self.local.size:
             return
         missed = seen_through(scan, sensor, transform_back(self.ekf.pose, self.ekf.landmarks))
-        missed &= ~np.isin(self.local, seen)
+        missed &= ~_among(self.local, seen)
         self.table.misses[self.local[missed]] += 1
         over = self.table.misses[self.local] > self.table.observations[self.local]
         self.table.key_frames[self.local[over]] = GONE
@@ -136,12 +131,13 @@ class FrontEnd:
 
     def rest(self, key_frame: int, seen: Indices) -> None:
         """Lay landmarks far from the robot to rest in a key frame that is here; none ``seen`` just now."""
-        positions_robot, cov = self.ekf.relative()
+        positions_robot = self.ekf.positions_robot()
         far = np.hypot(positions_robot[:, 0], positions_robot[:, 1]) > self._keep_distance
-        far &= ~np.isin(self.local, seen)
+        far &= ~_among(self.local, seen)
         slots = np.flatnonzero(far)
         if not slots.size:
             return
+        _, cov = self.ekf.relative()
         blocks = 2 * slots[:, None] + np.arange(2)
         covs = cov[blocks[:, :, None], blocks[:, None, :]]
         self.table.rest(self.local[slots], key_frame, self.ekf.x[2], positions_robot[slots], covs)
@@ -188,22 +184,20 @@ class FrontEnd:
     def _duplicates(self) -> tuple[int, int] | None:
         """Places of two landmarks that are one: as near as their covariance allows, of the same kind and signature."""
         signatures, gates, landmarks = self._signatures(), self._gates, self.ekf.landmarks
-        a, b = np.triu_indices(len(landmarks), 1)
-        apart = landmarks[a] - landmarks[b]
-        opening = signatures.opening_angles[a] - signatures.opening_angles[b]
-        orientation = wrap_angle(signatures.orientations[a] - signatures.orientations[b])
-        close = (
-            (np.hypot(apart[:, 0], apart[:, 1]) < gates.birth_distance)
-            & (signatures.convex[a] == signatures.convex[b])
-            & (self.table.identities[self.local[a]] == self.table.identities[self.local[b]])
-            & similar(opening, orientation, gates)
-        )
-        for i, j, difference in zip(a[close], b[close], apart[close], strict=True):
+        close = similar_pairs(
+            landmarks, signatures.convex, signatures.opening_angles, signatures.orientations,
+            gates.birth_distance, gates.opening, gates.orientation,
+        )  # fmt: skip
+        identities = self.table.identities[self.local]
+        for i, j in close.tolist():
+            if identities[i] != identities[j]:
+                continue
             if tuple(sorted((int(self.local[i]), int(self.local[j])))) in self._seen_at_once:
                 continue
-            H = self._difference(int(i), int(j))
+            difference = landmarks[i] - landmarks[j]
+            H = self._difference(i, j)
             if difference @ np.linalg.solve((H @ (H @ self.ekf.P).T), difference) <= gates.match:
-                return int(i), int(j)
+                return i, j
         return None
 
     def _tie(self, kept: int, other: int) -> None:
@@ -227,20 +221,6 @@ def transform_back(pose_world_robot: Pose, points_world: Array) -> Array:
     return (points_world - pose_world_robot[:2]) @ np.array([[c, -s], [s, c]])
 
 
-def seen_through(scan: LaserScan, sensor: SensorModel, points_robot: Array) -> NDArray[np.bool_]:
-    """Whether every beam next to a point ends well behind it, so that nothing is there, shape (n,)."""
-    if not len(scan):
-        return np.zeros(len(points_robot), np.bool_)
-    mounting = sensor.mounting
-    points = (points_robot - np.array([mounting.x, mounting.y])) @ mounting.axes
-    bearings = np.arctan2(points[:, 1], points[:, 0]) % TWO_PI
-    angles = scan.angles % TWO_PI
-    order = np.argsort(angles, kind="stable")
-    at = np.searchsorted(angles[order], bearings)[:, None] + np.arange(-BEAMS_BESIDE, BEAMS_BESIDE)
-    beside = order[at % len(order)]
-    ranges = scan.ranges[beside]
-    returned = (ranges > 0.0) & (ranges >= sensor.range_min) & (ranges <= sensor.range_max)
-    # A gap in the scan, such as behind a sensor that does not look all round, shows nothing.
-    off = np.abs(wrap_angle(angles[beside] - bearings[:, None])) * np.hypot(*points.T)[:, None]
-    through = returned & (ranges > np.hypot(*points.T)[:, None] + SEEN_THROUGH) & (off < SEEN_THROUGH)
-    return through.all(axis=1)
+def _among(indices: Indices, others: Indices) -> NDArray[np.bool_]:
+    """Whether each index is one of a few others."""
+    return (indices[:, None] == others).any(axis=1)

@@ -191,12 +191,6 @@ class LineOdometry:
         return max(tries, key=lambda attempt: attempt[0].share * (_distance2(*attempt) <= PRIOR_GATE))
 
 
-def load_compiled(scan: LaserScan, lines: Lines, sensor: SensorModel) -> None:
-    """Load the compiled code, or make it at its first use on a machine."""
-    points = scan_points(scan, walls_of_lines(lines, sensor.mounting), sensor, 0.0)
-    register(points, points.walls_robot, np.zeros(3), np.zeros((3, 3)), np.zeros(3), RULES)
-
-
 def _change(fit: Registration, prior: Pose) -> Array:
     """Difference of the coordinates of a fit and its prior, shape (3,)."""
     change = fit.pose_map_robot - prior

@@ -13,6 +13,7 @@ from features.feature import Features
 from features.scan import LaserScan
 from features.se2 import Array, Pose, compose, rotation
 from slam.association import Association, ObservationCounts
+from slam.compiled import load_compiled
 from slam.conclude import conclude, landmark_map
 from slam.config import SlamConfig
 from slam.deskew import deskew_by_odometry
@@ -23,7 +24,6 @@ from slam.front_end import FrontEnd
 from slam.graph import GraphEstimate
 from slam.graph_journal import JournaledGraph
 from slam.key_frame import KeyFrame, View
-from slam.line_odometry import load_compiled
 from slam.loop_closing import LoopCloser
 from slam.observed import observed_points
 from slam.parts import gates, line_odometry, loop_rules
@@ -78,9 +78,7 @@ class Slam:
         self._key_frames: list[KeyFrame] = []
         self._observations = ObservationCounts()
         self._watch = Watch(config.front_end.match_probability, wheels=config.odometry.source == "line-aided")
-        # Compiled code is loaded, or made at the very first use on a machine, before the clock starts.
-        scan = LaserScan(np.ones(8), np.linspace(0.0, 0.1, 8))
-        load_compiled(scan, extract(scan, self._sensor, config.extraction).lines, self._sensor)
+        load_compiled(config)
         self._clock = StageClock("extract", "odometry", "front_end", "back_end", "loop")
 
     @property

@@ -14,8 +14,9 @@ from features.se2 import between, compose, pose, rotation, transform, wrap_angle
 from features.sensor import Mounting, SensorModel
 from slam.association import Gates
 from slam.ekf import predict_corners
-from slam.front_end import MERGE_SIGMA, SEEN_THROUGH, FrontEnd, seen_through
+from slam.front_end import MERGE_SIGMA, FrontEnd
 from slam.landmark import GONE, LOCAL, MERGED
+from slam.visibility import SEEN_THROUGH, seen_through
 
 from .observed_corners import corners
 

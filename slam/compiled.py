@@ -1,0 +1,29 @@
+"""Compiled code is loaded, or made at the very first use on a machine, before the clock of a run starts."""
+
+import numpy as np
+
+from features.extract import extract
+from features.scan import LaserScan
+from features.se2 import pose
+from slam.config import SlamConfig
+from slam.front_end import FrontEnd
+from slam.parts import gates, line_odometry
+
+
+def load_compiled(config: SlamConfig) -> None:
+    """Send two scans of the corner of a room through odometry and front end, so that each kernel was called."""
+    sensor = config.sensor.model()
+    angles = np.linspace(0.0, np.pi / 2.0, 90)
+    scan = LaserScan(2.0 / np.maximum(np.cos(angles), np.sin(angles)), angles)
+    features = extract(scan, sensor, config.extraction)
+    odometry = line_odometry(config, pose())
+    front_end = FrontEnd(pose(), 1e-4 * np.eye(3), gates(config), config.front_end.keep_distance_m)
+    since = odometry.anchor()
+    for step in range(2):
+        odometry.predict(float(step), pose(0.2 * step))
+        odometry.register(float(step), scan, features.lines)
+        odometry.add_key_frame()
+        front_end.move(since.motion, since.motion_cov)
+        _, landmarks = front_end.observe(features.corners.to_robot(sensor.mounting))
+        front_end.miss(scan, sensor, landmarks)
+        front_end.merge()

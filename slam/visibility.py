@@ -1,0 +1,76 @@
+"""What the beams of a scan tell of places where nothing is, and which landmarks are alike."""
+
+import math
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from features.scan import LaserScan
+from features.se2 import TWO_PI, Array
+from features.sensor import SensorModel
+
+SEEN_THROUGH = 0.3
+"""How far behind a landmark the beams have to end for it to be missed [m]."""
+
+BEAMS_BESIDE = 2
+"""Beams on either side of a landmark that all have to go through its place."""
+
+
+def seen_through(scan: LaserScan, sensor: SensorModel, points_robot: Array) -> NDArray[np.bool_]:
+    """Whether every beam next to a point ends well behind it, so that nothing is there, shape (n,)."""
+    if not len(scan):
+        return np.zeros(len(points_robot), np.bool_)
+    mounting = sensor.mounting
+    points = (points_robot - np.array([mounting.x, mounting.y])) @ mounting.axes
+    return _seen_through(scan.ranges, scan.angles, sensor.range_min, sensor.range_max, points)
+
+
+@njit(cache=True, error_model="numpy")
+def _seen_through(ranges, angles, range_min, range_max, points):
+    angles = angles % TWO_PI
+    order = np.argsort(angles, kind="mergesort")
+    angles = angles[order]
+    through = np.ones(len(points), np.bool_)
+    for k in range(len(points)):
+        distance = math.hypot(points[k, 0], points[k, 1])
+        bearing = math.atan2(points[k, 1], points[k, 0]) % TWO_PI
+        at = np.searchsorted(angles, bearing)
+        for beside in range(at - BEAMS_BESIDE, at + BEAMS_BESIDE):
+            beam = beside % angles.size
+            reach = ranges[order[beam]]
+            returned = reach > 0.0 and range_min <= reach <= range_max
+            # A gap in the scan, such as behind a sensor that does not look all round, shows nothing.
+            off = distance * abs((angles[beam] - bearing + math.pi) % TWO_PI - math.pi)
+            if not (returned and reach > distance + SEEN_THROUGH and off < SEEN_THROUGH):
+                through[k] = False
+    return through
+
+
+@njit(cache=True, error_model="numpy")
+def similar_pairs(positions, convex, opening_angles, orientations, distance, opening, orientation):
+    """Pairs of landmarks of the same kind, near each other and alike by their angles, shape (p, 2), rising.
+
+    Parameters
+    ----------
+    positions : shape (n, 2) [m].
+    convex, opening_angles, orientations : shape (n,) [rad]; NaN where a landmark has no angle.
+    distance, opening, orientation : by how much less than this two of them differ [m, rad, rad].
+    """
+    pairs = []
+    for i in range(len(positions)):
+        for j in range(i + 1, len(positions)):
+            x = positions[i, 0] - positions[j, 0]
+            y = positions[i, 1] - positions[j, 1]
+            if (
+                x * x + y * y < distance * distance
+                and convex[i] == convex[j]
+                # Written so that NaN, of a landmark without angles, is like any.
+                and not abs(opening_angles[i] - opening_angles[j]) >= opening
+                and not abs((orientations[i] - orientations[j] + math.pi) % TWO_PI - math.pi) >= orientation
+            ):
+                pairs.append((i, j))
+    found = np.empty((len(pairs), 2), np.int64)
+    for k in range(len(pairs)):
+        found[k] = pairs[k]
+    return found
