@@ -47,6 +47,8 @@ class MrclamLog:
         subjects = {int(barcode): int(subject) for subject, barcode in self._table("Barcodes", "subject barcode")}
         self._odometry = self._robot_table("Odometry", "stamp forward_velocity angular_velocity")
         measurements = self._robot_table("Measurement", "stamp barcode range bearing")
+        if not (measurements[:, 2] > 0.0).all():
+            raise LogFormatError(f"{self._folder / f'Robot{self._robot}_Measurement.dat'}: a range is not positive")
         self._subjects = np.array([subjects.get(int(barcode), 0) for barcode in measurements[:, 1]])
         unknown = self._subjects == 0
         if unknown.any():

@@ -147,7 +147,7 @@ def associate(corners_robot: Corners, ekf: LandmarkEkf, signatures: Signatures, 
 
 
 def associate_identified(
-    corners_robot: Corners, identities: Indices, ekf: LandmarkEkf, known: Indices
+    corners_robot: Corners, identities: Indices, ekf: LandmarkEkf, known: Indices, gate: float
 ) -> tuple[Association, Array]:
     """Match observations, robot frame, of given identities to the filter's landmarks; of two of a landmark the first.
 
@@ -155,23 +155,28 @@ def associate_identified(
     ----------
     corners_robot, identities : of each observation, shape (k,).
     ekf, known : the filter, and the identity of each of its landmarks, shape (n,).
+    gate : squared Mahalanobis distance, 2 degrees of freedom, beyond which an observation is doubted.
 
     Returns
     -------
-    association : of all observations, whatever their distances.
-    distances2 : squared Mahalanobis distance of each match by itself, 2 degrees of freedom, shape (m,).
+    association : of all observations, whatever their distances; its NIS is that with the enlarged covariances.
+    covs : of the matched observations, shape (m, 2, 2) [m^2]; enlarged where they lie beyond the gate, by so much that
+        one misread identity moves the filter little.
     """
     first = np.sort(np.unique(identities, return_index=True)[1])
     equal = identities[first, None] == known[None, :]
     matched = equal.any(axis=1)
     corners, landmarks = first[matched], np.nonzero(equal)[1]
     if not corners.size:
-        return Association(corners, landmarks, first), np.empty(0)
+        return Association(corners, landmarks, first), np.empty((0, 2, 2))
     innovations = corners_robot.positions[corners] - predict_corners(ekf.x, landmarks)
     cov = _joint_cov(corners_robot, ekf, corners, landmarks)
-    own = cov.reshape(len(corners), 2, len(corners), 2)[np.arange(len(corners)), :, np.arange(len(corners))]
+    blocks, own = cov.reshape(len(corners), 2, len(corners), 2), np.arange(len(corners))
+    doubts = np.maximum(_mahalanobis2(innovations, blocks[own, :, own]) / gate, 1.0)[:, None, None]
+    covs = corners_robot.covs[corners]
+    blocks[own, :, own] += (doubts - 1.0) * covs
     association = Association(corners, landmarks, first[~matched], _joint_distance2(innovations, cov))
-    return association, _mahalanobis2(innovations, own)
+    return association, doubts * covs
 
 
 def _nearest(corners: Indices, landmarks: Indices, distances2: Array) -> Indices:

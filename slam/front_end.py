@@ -70,16 +70,15 @@ class FrontEnd:
         """
         ekf, table = self.ekf, self.table
         if identities is None:
-            association, doubts = associate(corners_robot, ekf, self._signatures(), self._gates), np.ones(1)
+            association = associate(corners_robot, ekf, self._signatures(), self._gates)
+            covs = corners_robot.covs[association.corners]
         else:
             known = table.identities[self.local]
-            association, distances2 = associate_identified(corners_robot, identities, ekf, known)
-            doubts = np.maximum(distances2 / self._gates.match, 1.0)
+            association, covs = associate_identified(corners_robot, identities, ekf, known, self._gates.match)
         landmarks = np.full(len(corners_robot), -1)
         matched, new = association.corners, association.new
         self.returned = False
         if matched.size:
-            covs = doubts[:, None, None] * corners_robot.covs[matched]
             ekf.observe(corners_robot.positions[matched], covs, association.landmarks)
             landmarks[matched] = self.local[association.landmarks]
             table.see(landmarks[matched], corners_robot, matched, ekf.x[2])
