@@ -32,8 +32,13 @@ class Trajectory:
 
         Before the first pose and after the last the robot stands.
         """
-        x, y, headings = self.poses_world_robot.T
-        columns = [np.interp(times, self.stamps, column) for column in (x, y, np.unwrap(headings))]
+        # Only the poses about these times are looked at: a scan is short, a drive is long.
+        last = len(self.poses_world_robot) - 1
+        first = int(np.clip(np.floor(times.min(initial=math.inf) * self.rate), 0, last))
+        end = int(np.clip(np.ceil(times.max(initial=-math.inf) * self.rate), first, last)) + 1
+        x, y, headings = self.poses_world_robot[first:end].T
+        stamps = np.arange(first, end) / self.rate
+        columns = [np.interp(times, stamps, column) for column in (x, y, np.unwrap(headings))]
         return np.column_stack([columns[0], columns[1], wrap_angle(columns[2])])
 
 

@@ -135,7 +135,7 @@ def _legend(magnification: int) -> list[Line2D]:
     return [
         entry("walls as seen", color=WALL, alpha=0.6),
         entry("trajectory", color=PATH),
-        entry("odometry alone", color=ODOMETRY, linestyle="--"),
+        entry("wheels alone", color=ODOMETRY, linestyle="--"),
         entry("start", color=PATH, marker="o", linestyle=""),
         entry("end", color=PATH, marker="s", linestyle=""),
         entry(f"corner, concave, {drawn}", color=CONCAVE, marker="x", linestyle=""),

@@ -1,5 +1,6 @@
 """Many simulated runs of the whole pipeline: how large its errors are, and whether they are as large as it claims."""
 
+import hashlib
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -8,12 +9,16 @@ import numpy as np
 from pydantic import BaseModel, ConfigDict, Field
 
 from features.se2 import Array
+from sim import EFFECTS, ODOMETRIES, Lidar, SimulatedRun, Site, find_site, site_run
 from slam.config import SlamConfig, load_config
 from slam.ekf import POSE_DIM
 from slam.errors import StudyError
 from slam.metrics import mean_interval
-from slam.study.simulated import INSTANTS, WORLDS, simulate
+from slam.study.simulated import INSTANTS, simulate
 from slam.study.tasks import Failure
+
+SENSOR = "rplidar-s1"
+"""Preset of the sensor that the robot of a study carries."""
 
 FIGURES: Mapping[str, tuple[str, float, str, bool]] = {
     "ate_online_m": ("ATE, online", 1e3, "mm", True),
@@ -31,37 +36,63 @@ TRACES: Mapping[str, str] = {"nees_ekf": "filter", "nees_graph": "graph"}
 """Poses whose NEES is followed over the runs."""
 
 
+def site_digest(site: Site) -> str:
+    """Digest of walls, glass and path."""
+    digest = hashlib.sha256(site.walls.tobytes() + site.glass.tobytes())
+    digest.update(b"" if site.waypoints is None else site.waypoints.tobytes())
+    return digest.hexdigest()[:16]
+
+
 class MonteCarloSettings(BaseModel):
     """What a study of simulated runs depends on."""
 
     model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
 
-    world: str = Field(description=f"what is driven through: {', '.join(WORLDS)}")
+    world: str = Field(description="what is driven through: built in, random-room-SEED, or a file")
+    world_digest: str = Field(
+        default_factory=lambda given: site_digest(find_site(given["world"])),
+        description="of its walls and path, as a file may change from one run to the next",
+    )
+    effects: str = Field(default="ideal", description=f"what the scanner does beside: {', '.join(EFFECTS)}")
+    odometry: str = Field(default="poor", description=f"errors of the wheels: {', '.join(ODOMETRIES)}")
+    people: int = Field(default=0, ge=0, description="who go to and fro beside the path")
     seeds: int = Field(ge=1, description="runs, each with a seed of its own")
     scans: int = Field(default=0, ge=0, description="a run stops after so many scans; 0: at its end")
     seed: int = Field(default=1, ge=0, description="of the study; those of the runs are made of it")
     config: SlamConfig = Field(description="of every run")
 
 
-def world_config(world: str, path: Path | None) -> SlamConfig:
-    """Put a configuration together: that of the sensor that drives through a world, over it a TOML file.
+def study_config(path: Path | None = None) -> SlamConfig:
+    """Put a configuration together: that of the sensor that the robot of a study carries, over it a TOML file.
 
     Raises
     ------
-    StudyError
-        There is no such world.
     ConfigError
         See :func:`slam.config.load_config`.
     """
-    if world not in WORLDS:
-        raise StudyError(f"there is no world {world!r} to simulate: known are {', '.join(WORLDS)}")
-    source = WORLDS[world](0)
-    return load_config(path, source_preset=source.sensor, source_mounting=source.mounting)
+    return load_config(path, source_preset=SENSOR)
+
+
+def simulated_run(settings: MonteCarloSettings, seed: int) -> SimulatedRun:
+    """Make the run of a seed.
+
+    Raises
+    ------
+    WorldError
+        See :func:`sim.find_site` and :func:`sim.site_run`.
+    StudyError
+        The world is not the one that the study was begun with.
+    """
+    site = find_site(settings.world)
+    if site_digest(site) != settings.world_digest:
+        raise StudyError(f"world {settings.world!r} is not the one that the study was begun with")
+    lidar = Lidar.of_preset(SENSOR, effects=EFFECTS[settings.effects])
+    return site_run(site, lidar, SENSOR, seed, odometry=ODOMETRIES[settings.odometry], people=settings.people)
 
 
 def run_task(settings: MonteCarloSettings, task: int, seed: int) -> dict[str, Any]:
     """Do one run; see :func:`slam.study.simulated.simulate`."""
-    result = simulate(WORLDS[settings.world](seed), settings.config, settings.scans)
+    result = simulate(simulated_run(settings, seed), settings.config, settings.scans)
     return result | {"row": {"run": task, "seed": seed} | result["row"]}
 
 

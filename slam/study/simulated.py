@@ -1,6 +1,5 @@
 """One simulated run through the whole pipeline, held against its truth: errors, consistency, associations."""
 
-from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -8,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from features.se2 import Array, Pose, between, transform, wrap_angle
-from sim import SimulatedRun, room_run
+from sim import SimulatedRun, label_corners
 from slam.association import Association
 from slam.config import SlamConfig
 from slam.ekf import LandmarkEkf
@@ -18,9 +17,6 @@ from slam.graph import GraphEstimate
 from slam.metrics import ate, nees
 from slam.pipeline import Slam
 from slam.trajectory import Trajectory
-
-WORLDS: Mapping[str, Callable[[int], SimulatedRun]] = {"room": room_run}
-"""Simulated runs by the name of their world; each is made from a seed."""
 
 INSTANTS = 20
 """A run is held against its truth so many times, at equal intervals, the last time at its end."""
@@ -86,19 +82,6 @@ class AssociationScore:
         self.corners += labels[association.new].tolist()
 
 
-def true_corners(corners_world: Array, positions_world: Array) -> NDArray[np.int64]:
-    """Corner of the world that each position is nearest to, -1 where it is none, shape (k,).
-
-    Parameters
-    ----------
-    corners_world : shape (n, 2) [m].
-    positions_world : observed corners as seen from the true pose, shape (k, 2) [m].
-    """
-    distances = np.linalg.norm(positions_world[:, None] - corners_world, axis=2)
-    nearest = distances.argmin(axis=1)
-    return np.where(distances[np.arange(len(nearest)), nearest] <= CORNER_DISTANCE, nearest, -1)
-
-
 def simulate(source: SimulatedRun, config: SlamConfig, scans: int = 0) -> dict[str, Any]:
     """Run SLAM on a simulated robot and compare.
 
@@ -124,11 +107,14 @@ def simulate(source: SimulatedRun, config: SlamConfig, scans: int = 0) -> dict[s
     errors: list[Pose] = []
     covs: list[Array] = []
     records = 0
-    for records, (frame, truth) in enumerate(zip(source, source.poses_world_robot, strict=True), start=1):
+    measured = zip(source.measured_frames(), source.poses_world_robot, strict=True)
+    for records, ((frame, measurement), truth) in enumerate(measured, start=1):
         step = slam.process(frame)
-        if step.association is not None and step.features is not None:
+        if step.association is not None and step.features is not None and measurement is not None:
             corners = step.features.corners.to_robot(source.mounting).positions
-            score.count(step.association, true_corners(source.world.corners, transform(truth, corners)))
+            seen_world = transform(truth, corners)
+            labels = label_corners(source.world, measurement.wall_ids, seen_world, CORNER_DISTANCE)
+            score.count(step.association, labels)
             if matches := len(step.association.corners):
                 nis += step.association.nis
                 nis_dof += 2 * matches
@@ -147,7 +133,7 @@ def simulate(source: SimulatedRun, config: SlamConfig, scans: int = 0) -> dict[s
     row = {
         "ate_online_m": ate(Trajectory(source.stamps, source.poses_world_robot), result.trajectory_online).rmse_m,
         "ate_final_m": report.ate_rmse_m,
-        "ate_odometry_m": report.odometry_ate_rmse_m,
+        "ate_wheels_m": report.wheels_ate_rmse_m,
         "landmark_rmse_m": report.landmark_rmse_m,
         "nis": nis,
         "nis_dof": nis_dof,

@@ -1,6 +1,8 @@
 """Simulated runs against their truth: scores by hand, statistics against what they are of, and the summary."""
 
+import json
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -8,8 +10,9 @@ import pytest
 from scipy.stats import chi2
 
 from features.se2 import between
-from sim import room_run
+from sim import EFFECTS, room_run
 from slam.association import Association, associate
+from slam.errors import StudyError
 from slam.evaluate import evaluate_simulated
 from slam.metrics import ate, mean_interval, nees
 from slam.study.monte_carlo import (
@@ -18,12 +21,14 @@ from slam.study.monte_carlo import (
     monte_carlo_summary,
     nees_rows,
     run_rows,
-    world_config,
+    run_task,
+    simulated_run,
+    study_config,
 )
-from slam.study.simulated import INSTANTS, AssociationScore, WatchedSlam, simulate, true_corners
+from slam.study.simulated import INSTANTS, AssociationScore, WatchedSlam, simulate
 from slam.trajectory import Trajectory
 
-CONFIG = world_config("room", None)
+CONFIG = study_config()
 SCANS = 60
 
 
@@ -38,13 +43,6 @@ def test_associations_are_scored_against_the_corner_that_a_landmark_was_born_of(
     # Right, wrong, one of no corner to a landmark of none, one that is left out, and one that is born a second time.
     score.count(associated([0, 1, 2], [0, 0, 2], [4]), np.array([7, 8, -1, 8, 7]))
     assert score == AssociationScore(matches=3, right=1, known=4, corners=[7, 8, -1, 7])
-
-
-def test_an_observation_is_the_nearest_corner_if_one_is_near() -> None:
-    corners = np.array([[0.0, 0.0], [1.0, 0.0]])
-    seen = np.array([[0.1, 0.1], [0.8, -0.1], [0.5, 0.0], [5.0, 5.0]])
-    assert true_corners(corners, seen).tolist() == [0, 1, -1, -1]
-    assert true_corners(corners, np.empty((0, 2))).tolist() == []
 
 
 def test_nees_of_right_covariances_has_the_mean_and_interval_of_chi_square() -> None:
@@ -110,6 +108,34 @@ def test_associations_that_go_wrong_are_noticed(monkeypatch: pytest.MonkeyPatch)
 
     monkeypatch.setattr("slam.front_end.associate", exchanged)
     assert simulate(room_run(5), CONFIG, 10)["row"]["association_precision"] < 0.2
+
+
+def test_the_settings_of_a_study_say_which_world_it_is_and_runs_refuse_another(tmp_path: Path) -> None:
+    world = tmp_path / "square.json"
+
+    def write(side: float) -> None:
+        square = {"points": [[0, 0], [side, 0], [side, 4], [0, 4]], "closed": True}
+        content = {"format": "cwlf-world", "version": 1, "walls": [square], "waypoints": [[1, 1], [2, 1]]}
+        world.write_text(json.dumps(content))
+
+    write(4.0)
+    settings = MonteCarloSettings(world=str(world), seeds=1, scans=3, config=CONFIG)
+    assert settings == MonteCarloSettings(world=str(world), seeds=1, scans=3, config=CONFIG)
+    assert run_task(settings, 0, 5)["row"]["landmarks"] <= 4
+    write(4.5)
+    with pytest.raises(StudyError, match="is not the one that the study was begun with"):
+        run_task(settings, 0, 5)
+    assert MonteCarloSettings(world=str(world), seeds=1, config=CONFIG).world_digest != settings.world_digest
+
+
+def test_effects_wheels_and_people_are_those_of_the_settings() -> None:
+    settings = MonteCarloSettings(
+        world="apartment", seeds=1, effects="rplidar-s1", odometry="exact", people=2, config=CONFIG
+    )
+    run = simulated_run(settings, 3)
+    assert run.lidar.effects == EFFECTS["rplidar-s1"]
+    np.testing.assert_allclose(run.poses_odom_robot[-1], run.poses_world_robot[-1], atol=1e-6)
+    assert len(run.people) == 2
 
 
 def results(count: int, scale: float, seed: int) -> list[dict[str, Any]]:
