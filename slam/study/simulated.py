@@ -10,40 +10,14 @@ from features.se2 import Array, Pose, between, transform, wrap_angle
 from sim import SimulatedRun, label_corners
 from slam.association import Association
 from slam.config import SlamConfig
-from slam.ekf import LandmarkEkf
 from slam.errors import DivergedError
 from slam.evaluate import CORNER_DISTANCE, evaluate_simulated
-from slam.graph import GraphEstimate
 from slam.metrics import ate, nees
 from slam.pipeline import Slam
 from slam.trajectory import Trajectory
 
 INSTANTS = 20
 """A run is held against its truth so many times, at equal intervals, the last time at its end."""
-
-
-class WatchedSlam(Slam):
-    """SLAM that lets its filter and the solution of its graph be seen."""
-
-    estimate: GraphEstimate
-
-    @property
-    def filter(self) -> LandmarkEkf:
-        """The filter as it is now."""
-        return self._front.ekf
-
-    @property
-    def key_frame_records(self) -> NDArray[np.int64]:
-        """Number of the record of each key frame, shape (k,)."""
-        return np.array([key_frame.record for key_frame in self._key_frames])
-
-    def pose_covs(self, key_frames: NDArray[np.int64]) -> Array:
-        """Marginal covariances of key frames after :meth:`finish`; see :meth:`slam.graph.LandmarkGraph.pose_covs`."""
-        return self._graph.pose_covs(self.estimate, key_frames)
-
-    def _solve(self) -> GraphEstimate:
-        self.estimate = super()._solve()
-        return self.estimate
 
 
 @dataclass(slots=True)
@@ -101,7 +75,7 @@ def simulate(source: SimulatedRun, config: SlamConfig, scans: int = 0) -> dict[s
     DivergedError
         The filter diverged.
     """
-    slam = WatchedSlam(config)
+    slam = Slam(config)
     score, nis, nis_dof = AssociationScore(), 0.0, 0
     updates: list[int] = []
     errors: list[Pose] = []
@@ -153,7 +127,7 @@ def simulate(source: SimulatedRun, config: SlamConfig, scans: int = 0) -> dict[s
     }
 
 
-def _graph_nees(slam: WatchedSlam, poses_world_robot: Array, instants: Array) -> list[float] | None:
+def _graph_nees(slam: Slam, poses_world_robot: Array, instants: Array) -> list[float] | None:
     """NEES of the key frame at each instant or the last one before it."""
     records = slam.key_frame_records
     latest = np.searchsorted(records, instants, side="right") - 1

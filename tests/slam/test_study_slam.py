@@ -15,6 +15,7 @@ from slam.association import Association, associate
 from slam.errors import StudyError
 from slam.evaluate import evaluate_simulated
 from slam.metrics import ate, mean_interval, nees
+from slam.pipeline import Slam
 from slam.study.monte_carlo import (
     MonteCarloSettings,
     monte_carlo_lines,
@@ -25,7 +26,7 @@ from slam.study.monte_carlo import (
     simulated_run,
     study_config,
 )
-from slam.study.simulated import INSTANTS, AssociationScore, WatchedSlam, simulate
+from slam.study.simulated import INSTANTS, AssociationScore, simulate
 from slam.trajectory import Trajectory
 
 CONFIG = study_config()
@@ -67,7 +68,7 @@ def run() -> dict[str, Any]:
 def test_a_run_is_held_against_its_truth(run: dict[str, Any]) -> None:
     """The figures are those of the pipeline run without being watched; NEES of the last update is made by hand."""
     source = room_run(5)
-    slam = WatchedSlam(CONFIG)
+    slam = Slam(CONFIG)
     for record, frame in enumerate(source):
         step = slam.process(frame)
         if step.association is not None:

@@ -1,0 +1,56 @@
+"""The result of a run, put together from what the pipeline gathered and the solution of its graph."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from features.se2 import transform
+from slam.config import SlamConfig
+from slam.graph import GraphEstimate
+from slam.key_frame import KeyFrame
+from slam.landmark import GONE, LandmarkTable
+from slam.records import Records
+from slam.result import LandmarkMap, RunMetrics, SlamResult
+from slam.smoothing import carry_corrections
+from slam.trajectory import Trajectory
+
+
+def conclude(
+    records: Records,
+    key_frames: Sequence[KeyFrame],
+    estimate: GraphEstimate,
+    landmarks: LandmarkMap,
+    metrics: RunMetrics,
+    config: SlamConfig,
+) -> SlamResult:
+    """Carry the corrections of the key frames over to all records, and draw what the key frames saw from there."""
+    odometry = records.odometry()
+    anchors = np.array([key_frame.record for key_frame in key_frames])
+    placed = list(zip(estimate.poses_world_robot, key_frames, strict=True))
+    return SlamResult(
+        trajectory=Trajectory(odometry.stamps, carry_corrections(odometry.poses, anchors, estimate.poses_world_robot)),
+        trajectory_online=records.online(),
+        trajectory_odometry=odometry,
+        wheel_odometry=records.wheels(),
+        landmarks=landmarks,
+        walls=np.concatenate([transform(pose, key_frame.walls_robot) for pose, key_frame in placed]),
+        points=np.concatenate([transform(pose, key_frame.points_robot) for pose, key_frame in placed]),
+        metrics=metrics,
+        config=config,
+    )
+
+
+def landmark_map(estimate: GraphEstimate, table: LandmarkTable, least_observations: int) -> LandmarkMap:
+    """Landmarks of the solution that were observed often enough and not found to be gone."""
+    kept = (table.observations[estimate.landmarks] >= least_observations) & (
+        table.key_frames[estimate.landmarks] != GONE
+    )
+    ids = estimate.landmarks[kept]
+    return LandmarkMap(
+        ids=ids,
+        positions=estimate.positions_world[kept],
+        covs=estimate.covs[kept],
+        observations=table.observations[ids],
+        convex=table.convex[ids],
+        opening_angles=table.opening_angles[ids],
+    )

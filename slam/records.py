@@ -1,0 +1,78 @@
+"""Every record of a run: what the log says of its pose, what odometry makes of it, and the poses as they were live."""
+
+import math
+
+import numpy as np
+
+from drivers.frame import Frame
+from features.se2 import Array, Pose
+from slam.trajectory import Trajectory
+
+
+class Records:
+    """Records in the order of their stamps.
+
+    Attributes
+    ----------
+    stamps : of the records [s].
+    poses_odom : what the log says of their poses, shape (3,) each.
+    poses_map : their poses by odometry as configured, map frame, shape (3,) each.
+    """
+
+    def __init__(self) -> None:
+        self.stamps: list[float] = []
+        self.poses_odom: list[Pose] = []
+        self.poses_map: list[Pose] = []
+        self._scans: list[int] = []
+        self._poses_online: list[Pose] = []
+
+    def __len__(self) -> int:
+        return len(self.stamps)
+
+    @property
+    def scans(self) -> int:
+        """How many records had a scan."""
+        return len(self._scans)
+
+    def checked(self, frame: Frame) -> Pose:
+        """Odometry pose of a frame that may follow; a copy, as the caller may write to its own.
+
+        Raises
+        ------
+        ValueError
+            The stamp is smaller than the one before, or stamp or pose is not finite.
+        """
+        pose_odom_robot = np.array(frame.pose_odom_robot, dtype=np.float64)
+        if pose_odom_robot.shape != (3,):
+            raise ValueError(f"odometry pose of shape {pose_odom_robot.shape}: expected [x, y, theta] of shape (3,)")
+        if not (math.isfinite(frame.stamp) and np.isfinite(pose_odom_robot).all()):
+            raise ValueError(f"stamp {frame.stamp} or odometry pose {pose_odom_robot} is not finite")
+        if self.stamps and frame.stamp < self.stamps[-1]:
+            raise ValueError(
+                f"stamp {frame.stamp} is smaller than {self.stamps[-1]} before it: expected frames in order"
+            )
+        return pose_odom_robot
+
+    def add(self, stamp: float, pose_odom_robot: Pose, pose_map_robot: Pose) -> None:
+        """Append a record."""
+        self.stamps.append(stamp)
+        self.poses_odom.append(pose_odom_robot)
+        self.poses_map.append(pose_map_robot)
+
+    def add_scan(self, pose_world_robot: Pose) -> None:
+        """Note that the latest record had a scan, and the pose of the filter after it."""
+        self._scans.append(len(self.stamps) - 1)
+        self._poses_online.append(pose_world_robot)
+
+    def wheels(self) -> Trajectory:
+        """Pose of every record by the log."""
+        return Trajectory(np.array(self.stamps), np.array(self.poses_odom))
+
+    def odometry(self) -> Trajectory:
+        """Pose of every record by odometry as configured."""
+        return Trajectory(np.array(self.stamps), np.array(self.poses_map))
+
+    def online(self) -> Trajectory:
+        """Pose of the filter at each scan."""
+        stamps: Array = np.array(self.stamps)[self._scans]
+        return Trajectory(stamps, np.array(self._poses_online))
