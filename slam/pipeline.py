@@ -2,6 +2,7 @@
 
 import logging
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -20,8 +21,9 @@ from slam.drifting_pose import Anchor
 from slam.ekf import LandmarkEkf
 from slam.errors import DivergedError
 from slam.front_end import FrontEnd
-from slam.graph import GraphEstimate, LandmarkGraph
+from slam.graph import Closure, GraphEstimate, LandmarkGraph
 from slam.key_frame import KeyFrame, View
+from slam.landmark import LandmarkTable
 from slam.line_odometry import load_compiled
 from slam.loop_closing import LoopCloser
 from slam.parts import gates, line_odometry, loop_rules
@@ -102,6 +104,16 @@ class Slam:
     def key_frame_records(self) -> NDArray[np.int64]:
         """Number of the record of each key frame, shape (k,)."""
         return np.array([key_frame.record for key_frame in self._key_frames], np.int64)
+
+    @property
+    def closures(self) -> Sequence[Closure]:
+        """Closures that entered the graph so far."""
+        return self._graph.closures
+
+    @property
+    def landmark_table(self) -> LandmarkTable:
+        """What is known of every landmark so far, to look at."""
+        return self._front.table
 
     @property
     def estimate(self) -> GraphEstimate:

@@ -14,6 +14,7 @@ from slam.config import SlamConfig, load_config
 from slam.ekf import POSE_DIM
 from slam.errors import StudyError
 from slam.metrics import mean_interval
+from slam.study.bars import bars, bars_table
 from slam.study.simulated import INSTANTS, simulate
 from slam.study.tasks import Failure
 
@@ -27,13 +28,25 @@ FIGURES: Mapping[str, tuple[str, float, str, bool]] = {
     "association_precision": ("association precision", 100.0, "%", False),
     "association_recall": ("association recall", 100.0, "%", False),
     "landmarks": ("landmarks", 1.0, "", True),
-    "duplicates": ("duplicates", 1.0, "", True),
+    "duplicates_share": ("duplicates, of the landmarks", 100.0, "%", True),
     "false_landmarks": ("landmarks that are no corner", 1.0, "", True),
+    "landmarks_born": ("landmarks ever born", 1.0, "", True),
+    "landmarks_merged": ("of these, merged", 1.0, "", True),
+    "landmarks_ended": ("of these, ended", 1.0, "", True),
+    "closures": ("closures accepted", 1.0, "", False),
+    "closures_revoked": ("of these, revoked", 1.0, "", True),
+    "closures_false": ("false closures left", 1.0, "", True),
 }
 """What is summarised over the runs: label, factor and unit of its display, and whether less is better."""
 
 TRACES: Mapping[str, str] = {"nees_ekf": "filter", "nees_graph": "graph"}
 """Poses whose NEES is followed over the runs."""
+
+RUN_NEES: Mapping[str, tuple[str, int]] = {
+    "landmark_nees": ("landmarks", 2),
+    "closure_nees": ("closures", POSE_DIM),
+}
+"""NEES of which each run has one mean: label and degrees of freedom."""
 
 
 def site_digest(site: Site) -> str:
@@ -139,11 +152,12 @@ def monte_carlo_summary(
 ) -> dict[str, Any]:
     """Summary of all runs.
 
-    NEES of the pose: mean over runs and instants, beside the interval that holds the mean over as many independent runs
-    at one instant with 95 %, and the share of the instants whose mean it holds. Instants of a run depend on each other,
-    so for the mean over them too the interval is wide rather than narrow. NIS: mean per degree of freedom; innovations
-    are independent, so the interval is that of all of them. Anything else: mean, the value that 95 % of the runs do not
-    exceed (or do not fall short of, where more is better), and the worst.
+    NEES: mean over the runs and over what each has of it (instants of the pose, landmarks, closures), beside the
+    interval that holds the mean over as many independent values as there are runs with 95 %; for the pose also the
+    share of the instants whose mean it holds. What a run has of it depends on each other, so for the mean over that too
+    the interval is wide rather than narrow. NIS: mean per degree of freedom; innovations are independent, so the
+    interval is that of all of them. Anything else: mean, the value that 95 % of the runs do not exceed (or do not fall
+    short of, where more is better), and the worst.
     """
     rows = [result["row"] for result in results]
     nis, dof = (sum(row[name] for row in rows) for name in ("nis", "nis_dof"))
@@ -152,22 +166,32 @@ def monte_carlo_summary(
         "runs": len(rows),
         "failures": [{"run": of.task, "seed": of.seed, "error": of.error} for of in failures],
         "graph_not_converged": sum(not row["graph_converged"] for row in rows),
-        "pose_nees": {
-            label: {
-                "runs": len(of_runs),
-                "mean": float(of_runs.mean()),
-                "expected": POSE_DIM,
-                "interval_95": list(mean_interval(POSE_DIM, len(of_runs))),
-                "instants_inside": float(np.mean([_inside(mean, len(of_runs)) for mean in of_runs.mean(axis=0)])),
-            }
-            for name, label in TRACES.items()
-            if len(of_runs := _trace(results, name))
-        },
+        "nees": _pose_nees(results) | _run_nees(rows),
         "nis": {"dof": dof, "mean": nis / dof, "expected": 1, "interval_95": [x / dof for x in mean_interval(dof, 1)]}
         if dof
         else None,
         "figures": {name: _spread([row[name] for row in rows], less) for name, (_, _, _, less) in FIGURES.items()},
     }
+
+
+def _pose_nees(results: Sequence[Mapping[str, Any]]) -> dict[str, dict[str, Any]]:
+    return {
+        f"pose, {label}": _nees(of_runs, POSE_DIM)
+        | {"instants_inside": float(np.mean([_inside(mean, len(of_runs)) for mean in of_runs.mean(axis=0)]))}
+        for name, label in TRACES.items()
+        if len(of_runs := _trace(results, name))
+    }
+
+
+def _run_nees(rows: Sequence[Mapping[str, Any]]) -> dict[str, dict[str, Any]]:
+    known = {name: [row[name] for row in rows if row[name] is not None] for name in RUN_NEES}
+    return {label: _nees(np.array(known[name]), dof) for name, (label, dof) in RUN_NEES.items() if known[name]}
+
+
+def _nees(of_runs: Array, dof: int) -> dict[str, Any]:
+    """Mean over runs, the first axis, beside the interval of the mean over as many independent values."""
+    interval = list(mean_interval(dof, len(of_runs)))
+    return {"runs": len(of_runs), "mean": float(of_runs.mean()), "expected": dof, "interval_95": interval}
 
 
 def _inside(mean: float, runs: int) -> bool:
@@ -200,7 +224,7 @@ def monte_carlo_table(summary: Mapping[str, Any]) -> list[list[str]]:
 def consistency_table(summary: Mapping[str, Any]) -> list[list[str]]:
     """Cells of what tells whether the covariances hold, a heading first."""
     cells = [["", "mean", "right", "95 % interval", "instants inside"]]
-    named = {f"pose NEES, {label}": of for label, of in summary["pose_nees"].items()}
+    named = {f"NEES of {label}": of for label, of in summary["nees"].items()}
     if summary["nis"] is not None:
         named["NIS per degree of freedom"] = summary["nis"]
     for label, of in named.items():
@@ -213,6 +237,6 @@ def consistency_table(summary: Mapping[str, Any]) -> list[list[str]]:
 def monte_carlo_lines(summary: Mapping[str, Any]) -> list[str]:
     """Lay the summary out for a terminal."""
     lines = [f"{summary['runs']} runs through {summary['world']}, {len(summary['failures'])} failed"]
-    for cells in (monte_carlo_table(summary), consistency_table(summary)):
+    for cells in (monte_carlo_table(summary), consistency_table(summary), bars_table(bars(summary))):
         lines += [f"{row[0]:<30}" + "".join(f"{cell:>18}" for cell in row[1:]) for row in cells]
     return lines
