@@ -66,7 +66,7 @@ def gather_returns(scan_ranges, scan_angles, range_min, range_max, ranges, angle
     return n, (TWO_PI - largest_step) / max(size - 1, 1)
 
 
-@njit(cache=True, error_model="numpy", fastmath={"contract"})
+@njit(cache=True, error_model="numpy", fastmath={"contract"}, forceinline=True)
 def to_cartesian(ranges, angles, n, xs, ys):
     """Fill x and y of n points whose angles lie within a few turns.
 

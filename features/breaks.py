@@ -25,7 +25,7 @@ def trim_ends(xs, ys, segment, points, distance):
     segment.end = b
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy", forceinline=True)
 def fit_rough(xs, ys, segment):
     """Fit the points of a segment by total least squares, eq. 16-17, without angles and covariance.
 

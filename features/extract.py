@@ -142,7 +142,7 @@ def _extract_kernel(
     return lines[:found], corners[:met]
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy", forceinline=True)
 def fit_segment(xs, ys, segment, var_range, var_bearing, rules, line):
     """Fill the line of a segment; False where it is too small or its points do not define one."""
     xs = xs[segment.begin : segment.end + 1]

@@ -231,15 +231,15 @@ class Corners:
 
     def to_robot(self, mounting: Mounting) -> "Corners":
         """Turn corners of the sensor frame into corners of the robot frame."""
+        if not len(self):
+            return self
         axes = mounting.axes
         bisectors = np.stack([np.cos(self.orientations), np.sin(self.orientations)], axis=-1) @ axes.T
-        return Corners.of(
-            positions=mounting.points_to_robot(self.positions),
-            covs=axes @ self.covs @ axes.T,
-            opening_angles=self.opening_angles,
-            orientations=np.arctan2(bisectors[:, 1], bisectors[:, 0]),
-            convex=self.convex,
-        )
+        records = self.records.copy()
+        records["position"] = mounting.points_to_robot(self.positions)
+        records["cov"] = axes @ self.covs @ axes.T
+        records["orientation"] = np.arctan2(bisectors[:, 1], bisectors[:, 0])
+        return Corners(records)
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -21,7 +21,7 @@ MOST_ITERATIONS = 20
 """Of the effective-variance fit; two or three are usual."""
 
 
-@njit(cache=True, error_model="numpy", fastmath=SUMS)
+@njit(cache=True, error_model="numpy", fastmath=SUMS, forceinline=True)
 def moments(xs, ys):
     """Return the mean x and y of points and the sums of x^2, y^2 and x y about them."""
     n = xs.size
@@ -44,7 +44,7 @@ def moments(xs, ys):
     return x0 + mean_x, y0 + mean_y, spread_x, spread_y, sum_xy - n * mean_x * mean_y
 
 
-@njit(cache=True, error_model="numpy", fastmath=SUMS)
+@njit(cache=True, error_model="numpy", fastmath=SUMS, forceinline=True)
 def fit_kernel(xs, ys, var_range, var_bearing, method, line):
     """Fit points and fill the record of their line; False where they do not define one."""
     mean_x, mean_y, spread_x, spread_y, joint = moments(xs, ys)
@@ -81,7 +81,7 @@ def _weight(u, v, var_range, var_bearing):
     return (u * u * var_range + v * v * rho2 * var_bearing) / (rho2 * rho2 * var_range * var_bearing)
 
 
-@njit(cache=True, error_model="numpy", fastmath=SUMS)
+@njit(cache=True, error_model="numpy", fastmath=SUMS, forceinline=True)
 def _fit_cwlf(u, v, var_range, var_bearing, propagated, line):
     sum_w = sum_wu = sum_wv = 0.0
     for i in range(u.size):
@@ -128,7 +128,7 @@ def _fit_cwlf(u, v, var_range, var_bearing, propagated, line):
     return True
 
 
-@njit(cache=True, error_model="numpy", fastmath=SUMS)
+@njit(cache=True, error_model="numpy", fastmath=SUMS, forceinline=True)
 def _fit_effective(u, v, var_range, var_bearing, slope, intercept, center, line):
     """Maximum likelihood under the noise of the points, by Gauss-Newton from the line that is given."""
     w_aa = w_a = w_1 = determinant = misfit = 0.0
@@ -174,7 +174,7 @@ def _fit_effective(u, v, var_range, var_bearing, slope, intercept, center, line)
     return True
 
 
-@njit(cache=True, error_model="numpy", fastmath=SUMS)
+@njit(cache=True, error_model="numpy", fastmath=SUMS, forceinline=True)
 def _fit_polar(xs, ys, var_range, var_bearing, weighted, line):
     sum_w = sum_wx = sum_wy = 0.0
     for i in range(xs.size):

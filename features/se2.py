@@ -1,7 +1,8 @@
 """SE(2): poses as arrays ``[x, y, theta]`` [m, m, rad], named so that frames cancel by eye.
 
 ``compose(pose_a_b, pose_b_c)`` is ``pose_a_c``; ``transform(pose_a_b, points_b)`` is ``points_a``.
-Headings that these functions return are wrapped to [-pi, pi).
+Headings that these functions return are wrapped to [-pi, pi). Arithmetic is on plain floats: numpy's own take several
+times as long, and these functions are called for every record.
 """
 
 import math
@@ -46,25 +47,26 @@ def rotation(theta: float) -> Array:
 
 def compose(pose_a_b: Pose, pose_b_c: Pose) -> Pose:
     """Chain two poses: ``pose_a_c = pose_a_b (+) pose_b_c``."""
-    x, y, theta = pose_a_b
+    x, y, theta = pose_a_b.tolist()
     c, s = math.cos(theta), math.sin(theta)
-    dx, dy, dtheta = pose_b_c
+    dx, dy, dtheta = pose_b_c.tolist()
     return np.array([x + c * dx - s * dy, y + s * dx + c * dy, wrap_angle(theta + dtheta)])
 
 
 def inverse(pose_a_b: Pose) -> Pose:
     """Pose of frame a in frame b."""
-    x, y, theta = pose_a_b
+    x, y, theta = pose_a_b.tolist()
     c, s = math.cos(theta), math.sin(theta)
     return np.array([-c * x - s * y, s * x - c * y, wrap_angle(-theta)])
 
 
 def between(pose_a_b: Pose, pose_a_c: Pose) -> Pose:
     """Pose of frame c in frame b: ``pose_b_c = (-) pose_a_b (+) pose_a_c``."""
-    dx, dy, dtheta = pose_a_c - pose_a_b
-    theta = pose_a_b[2]
+    x, y, theta = pose_a_b.tolist()
     c, s = math.cos(theta), math.sin(theta)
-    return np.array([c * dx + s * dy, -s * dx + c * dy, wrap_angle(dtheta)])
+    to_x, to_y, to_theta = pose_a_c.tolist()
+    dx, dy = to_x - x, to_y - y
+    return np.array([c * dx + s * dy, -s * dx + c * dy, wrap_angle(to_theta - theta)])
 
 
 def transform(pose_a_b: Pose, points_b: Array) -> Array:
@@ -74,8 +76,9 @@ def transform(pose_a_b: Pose, points_b: Array) -> Array:
 
 def compose_jacobians(pose_a_b: Pose, pose_b_c: Pose) -> tuple[Array, Array]:
     """Differentiate :func:`compose` with respect to its first and its second argument, each (3, 3)."""
-    c, s = math.cos(pose_a_b[2]), math.sin(pose_a_b[2])
-    dx, dy = pose_b_c[:2]
+    theta = float(pose_a_b[2])
+    c, s = math.cos(theta), math.sin(theta)
+    dx, dy, _ = pose_b_c.tolist()
     first = np.array([[1.0, 0.0, -s * dx - c * dy], [0.0, 1.0, c * dx - s * dy], [0.0, 0.0, 1.0]])
     second = np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
     return first, second

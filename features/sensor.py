@@ -7,7 +7,7 @@ from types import MappingProxyType
 
 import numpy as np
 
-from features.se2 import Array, Pose, pose, rotation, wrap_angle
+from features.se2 import Array, Pose, pose, wrap_angle
 
 
 @dataclass(frozen=True, slots=True)
@@ -34,7 +34,8 @@ class Mounting:
     @property
     def axes(self) -> Array:
         """Matrix, shape (2, 2), that turns directions of the sensor frame into the robot frame; det -1 upside down."""
-        return rotation(self.theta) @ np.diag([1.0, -1.0 if self.upside_down else 1.0])
+        c, s = math.cos(self.theta), math.sin(self.theta)
+        return np.array([[c, s], [s, -c]]) if self.upside_down else np.array([[c, -s], [s, c]])
 
     def points_to_robot(self, points_sensor: Array) -> Array:
         """Points, shape (n, 2) or (2,) [m], of the sensor frame in the robot frame."""

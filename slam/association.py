@@ -38,19 +38,46 @@ class Signatures:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Association:
-    """Corners by what became of them; a corner in neither is ambiguous and left out.
+    """Corners by what became of them; those that are neither matched nor new are left out.
 
     Parameters
     ----------
     corners, landmarks : matched pairs, shape (m,) each.
     new : corners that no landmark explains, shape (b,).
     nis : squared Mahalanobis distance of the matched innovations together, 2 m degrees of freedom.
+    ambiguous : how many were left out although the gate admits a landmark; the others that were left out are too near
+        to one to be new.
     """
 
     corners: Indices
     landmarks: Indices
     new: Indices
     nis: float = 0.0
+    ambiguous: int = 0
+
+
+@dataclass(slots=True)
+class ObservationCounts:
+    """What became of the corners that the filter was shown.
+
+    Parameters
+    ----------
+    matched, new : taken for a landmark, and for none that was known.
+    ambiguous : left out as the gate admitted a landmark that went to another corner, or did not fit the others.
+    gated_out : left out as no gate admitted a landmark, but one was too near for the corner to be new.
+    """
+
+    matched: int = 0
+    new: int = 0
+    ambiguous: int = 0
+    gated_out: int = 0
+
+    def add(self, corners: int, association: Association) -> None:
+        """Count one scan of so many corners."""
+        self.matched += len(association.corners)
+        self.new += len(association.new)
+        self.ambiguous += association.ambiguous
+        self.gated_out += corners - len(association.corners) - len(association.new) - association.ambiguous
 
 
 class Gates:
@@ -111,7 +138,8 @@ def associate(corners_robot: Corners, ekf: LandmarkEkf, signatures: Signatures, 
     near = same_kind & (np.hypot(innovations[..., 0], innovations[..., 1]) < gates.birth_distance)
     explained = (near | (admitted <= gates.birth)).any(axis=1)
     explained[corners] = True
-    return Association(corners, landmarks, np.flatnonzero(~explained), nis)
+    ambiguous = len(set(rows.tolist()) - set(corners.tolist()))
+    return Association(corners, landmarks, np.flatnonzero(~explained), nis, ambiguous)
 
 
 def _nearest(corners: Indices, landmarks: Indices, distances2: Array) -> Indices:

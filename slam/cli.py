@@ -14,14 +14,12 @@ from slam.study_cli import extract_scan, study
 from slam.world_cli import export, simulate, world
 
 if TYPE_CHECKING:
-    from drivers.frame import FrameSource
     from features.errors import CwlfError
     from slam.config import SlamConfig
     from slam.result import SlamResult
 
 app = typer.Typer(
     name="cwlf-slam",
-    help="2D-lidar landmark SLAM on CWLF corners: a log in, a trajectory and a landmark map out.",
     no_args_is_help=True,
     add_completion=False,
     pretty_exceptions_enable=False,
@@ -63,6 +61,23 @@ def main() -> None:
         sys.exit(1)
 
 
+def _print_version(asked: bool) -> None:
+    if asked:
+        from importlib.metadata import version
+
+        typer.echo(f"cwlf-slam {version('cwlf-slam')}")
+        raise typer.Exit
+
+
+@app.callback()
+def options(
+    version: Annotated[
+        bool, typer.Option("--version", callback=_print_version, is_eager=True, help="Print the version and leave.")
+    ] = False,
+) -> None:
+    """2D-lidar landmark SLAM on CWLF corners: a log in, a trajectory and a landmark map out."""
+
+
 @app.command()
 def demo(
     out: Out = None,
@@ -74,14 +89,17 @@ def demo(
     from datetime import datetime
 
     from sim.run import room_run
+    from slam.checkpoint import Stand
     from slam.config import load_config
     from slam.evaluate import evaluate_simulated
+    from slam.pipeline import Slam
     from slam.run_folder import claimed, default_folder
+    from slam.session import Session
 
     source = room_run(seed)
     config = load_config(None, source_preset=source.sensor, source_mounting=source.mounting, seed=seed)
     with claimed(out or default_folder("demo", datetime.now()), overwrite=overwrite) as folder:
-        result, error = _process(source, config)
+        result, error = Session(Slam(config), Stand(source.name)).run(source)
         evaluation = evaluate_simulated(source, result)
         metrics = replace(result.metrics, ate_rmse_m=evaluation.ate_rmse_m, landmark_rmse_m=evaluation.landmark_rmse_m)
         _save(folder, "Simulated room", replace(result, metrics=metrics), error)
@@ -107,20 +125,39 @@ def run(
         int | None, typer.Option("--seed", min=0, help="Seed of what is random in a run; default: the configuration's.")
     ] = None,
     overwrite: Overwrite = False,
+    resume: Annotated[
+        bool, typer.Option("--resume", help="Go on with the stopped run in the folder of --out.")
+    ] = False,
 ) -> None:
     """Process a recorded log into a run folder: trajectory, landmarks, metrics, configuration and map."""
     from datetime import datetime
 
     from drivers.open_log import open_log
-    from slam.config import load_config
+    from slam.checkpoint import Stand, discard_checkpoint, read_checkpoint
+    from slam.config import check_same, load_config
+    from slam.pipeline import Slam
     from slam.run_folder import claimed, default_folder
+    from slam.session import Session
 
+    if resume and (out is None or overwrite):
+        raise typer.BadParameter("give the stopped run with --out, and no --overwrite", param_hint="--resume")
     source = open_log(log)
-    effective = load_config(
-        config, preset=sensor, source_preset=source.sensor, source_mounting=source.mounting, seed=seed
-    )
-    with claimed(out or default_folder(source.name, datetime.now()), overwrite=overwrite) as folder:
-        result, error = _process(source, effective, limit)
+
+    def asked() -> SlamConfig:
+        return load_config(
+            config, preset=sensor, source_preset=source.sensor, source_mounting=source.mounting, seed=seed
+        )
+
+    if out is not None and resume:
+        slam, stand = read_checkpoint(out)
+        if config is not None or sensor is not None or seed is not None:
+            check_same(slam.config, asked(), f"{out}: the stopped run")
+    else:
+        slam, stand = Slam(asked()), Stand(source.name)
+    with claimed(out or default_folder(source.name, datetime.now()), overwrite=overwrite or resume) as folder:
+        if not resume:
+            discard_checkpoint(folder)
+        result, error = Session(slam, stand, folder).run(source, limit)
         _save(folder, source.name, result, error)
     _leave(result)
 
@@ -175,40 +212,6 @@ app.add_typer(world)
 app.add_typer(study)
 
 
-def _process(source: FrameSource, config: SlamConfig, limit: int | None = None) -> tuple[SlamResult, CwlfError | None]:
-    """Run the source through SLAM; Ctrl-C and broken data end it early with what was done so far.
-
-    Raises
-    ------
-    CwlfError
-        Nothing usable came before the error.
-    """
-    from features.errors import CwlfError
-    from slam.interrupt import Interrupt
-    from slam.pipeline import Slam
-    from slam.progress import RunProgress
-
-    slam = Slam(config)
-    error: CwlfError | None = None
-    with Interrupt() as interrupt:
-        with RunProgress(source.name) as progress:
-            try:
-                for frame in source:
-                    slam.process(frame)
-                    if frame.scan is not None:
-                        progress.update(source.progress, slam.scans)
-                    if interrupt.requested or slam.scans == limit:
-                        break
-            except CwlfError as broken:
-                error = broken
-            if slam.scans == 0:
-                raise error or KeyboardInterrupt
-            if interrupt.requested:
-                progress.say("stopping: what was done so far is solved and saved; Ctrl-C again to give up")
-            progress.solving()
-        return slam.finish(interrupted=interrupt.requested), error
-
-
 def _save(folder: Path, title: str, result: SlamResult, error: CwlfError | None) -> None:
     from slam.interrupt import Interrupt
     from slam.run_folder import save_run
@@ -223,6 +226,8 @@ def _save(folder: Path, title: str, result: SlamResult, error: CwlfError | None)
         f"({metrics.times_real_time:.0f} times real time), {metrics.landmarks} landmarks, "
         f"{metrics.key_frames} key frames"
     )
+    for doubt in metrics.trust.reasons:
+        typer.echo(f"not to be trusted: {doubt.sentence} (first at {doubt.stamp:.3f} s)")
     typer.echo(f"run folder: {folder}")
 
 

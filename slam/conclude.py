@@ -8,7 +8,7 @@ from features.se2 import transform
 from slam.config import SlamConfig
 from slam.graph import GraphEstimate
 from slam.key_frame import KeyFrame
-from slam.landmark import GONE, LandmarkTable
+from slam.landmark import LandmarkTable
 from slam.records import Records
 from slam.result import LandmarkMap, RunMetrics, SlamResult
 from slam.smoothing import carry_corrections
@@ -41,10 +41,8 @@ def conclude(
 
 
 def landmark_map(estimate: GraphEstimate, table: LandmarkTable, least_observations: int) -> LandmarkMap:
-    """Landmarks of the solution that were observed often enough and not found to be gone."""
-    kept = (table.observations[estimate.landmarks] >= least_observations) & (
-        table.key_frames[estimate.landmarks] != GONE
-    )
+    """Landmarks of the solution that are confirmed."""
+    kept = table.confirmed(least_observations)[estimate.landmarks]
     ids = estimate.landmarks[kept]
     return LandmarkMap(
         ids=ids,

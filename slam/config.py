@@ -2,7 +2,7 @@
 
 import math
 import tomllib
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any, Literal
 
@@ -241,6 +241,28 @@ def load_config(
         raise ConfigError(f"{where}{key}: {reason}") from None
     except ValueError as error:
         raise ConfigError(f"{where}sensor.preset: {error}") from None
+
+
+def check_same(before: SlamConfig, now: SlamConfig, whose: str) -> None:
+    """Refuse a configuration that is not that of ``whose`` run.
+
+    Raises
+    ------
+    ConfigError
+        A value differs; the message names the first.
+    """
+    pairs = zip(_leaves(before.model_dump()), _leaves(now.model_dump()), strict=True)
+    for (key, was), (_, wanted) in pairs:
+        if was != wanted:
+            raise ConfigError(f"{whose} has {key} = {was!r}, not {wanted!r}; leave the configuration to it")
+
+
+def _leaves(values: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, Any]]:
+    for key, value in values.items():
+        if isinstance(value, dict):
+            yield from _leaves(value, f"{prefix}{key}.")
+        else:
+            yield prefix + key, value
 
 
 def to_toml(config: SlamConfig) -> str:

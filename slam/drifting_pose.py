@@ -19,11 +19,13 @@ class DriftingPose:
     ----------
     pose : pose of the robot now, shape (3,).
     cov : covariance of its error, shape (3, 3).
+    finite : pose and covariance are.
     """
 
     def __init__(self, pose_map_robot: Pose) -> None:
         self.pose: Pose = np.array(pose_map_robot)
         self.cov: Array = np.zeros((3, 3))
+        self.finite = True
         self._poses: Array = np.empty((0, 3))
         self._covs: Array = np.empty((0, 3, 3))
         self._crosses: Array = np.empty((0, 3, 3))
@@ -37,7 +39,7 @@ class DriftingPose:
 
     def move(self, motion: Pose, motion_cov: Array) -> None:
         """Append a motion, a pose in the robot's frame before it, with the covariance of its coordinates (eq. M11)."""
-        self.pose, self.cov = _move(self.pose, self.cov, self._crosses, motion, motion_cov)
+        self.pose, self.cov, self.finite = _move(self.pose, self.cov, self._crosses, motion, motion_cov)
 
     def doubt(self, slip: Array) -> None:
         """Allow for a slip since the anchors, shape (3,), that nothing foresaw, as large as it turned out (eq. M32)."""
@@ -63,6 +65,11 @@ class DriftingPose:
     def motion(self, index: int) -> Pose:
         """Pose of the robot in its frame at an anchor, shape (3,)."""
         return between(self._poses[index], self.pose)
+
+    def advance(self, index: int) -> tuple[float, float]:
+        """Distance [m] and turn, 0 to pi [rad], from an anchor to here."""
+        x, y, turn = (self.pose - self._poses[index]).tolist()
+        return math.hypot(x, y), abs(wrap_angle(turn))
 
     def motion_cov(self, index: int) -> Array:
         """Covariance of :meth:`motion`, shape (3, 3) (eq. M33)."""
@@ -93,29 +100,39 @@ class Anchor:
     @property
     def travel(self) -> float:
         """Distance between that moment and now [m]."""
-        x, y, _ = self.motion
-        return math.hypot(x, y)
+        return self._drifting.advance(self._index)[0]
 
     @property
     def turn(self) -> float:
         """Turn between that moment and now, 0 to pi [rad]."""
-        return abs(float(self.motion[2]))
+        return self._drifting.advance(self._index)[1]
 
 
 @njit(cache=True, error_model="numpy")
 def _move(pose, cov, crosses, motion, motion_cov):
-    """Pose and covariance after a motion; crosses are changed in place."""
+    """Pose and covariance after a motion, and whether they are finite; crosses are changed in place."""
     c = math.cos(pose[2])
     s = math.sin(pose[2])
     arm_x = c * motion[0] - s * motion[1]
     arm_y = s * motion[0] + c * motion[1]
-    by_pose = np.array([[1.0, 0.0, -arm_y], [0.0, 1.0, arm_x], [0.0, 0.0, 1.0]])
-    by_motion = np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
-    for k in range(len(crosses)):
-        crosses[k] = by_pose @ crosses[k]
     heading = (pose[2] + motion[2] + math.pi) % (2.0 * math.pi) - math.pi
     moved = np.array([pose[0] + arm_x, pose[1] + arm_y, heading])
-    return moved, by_pose @ cov @ by_pose.T + by_motion @ motion_cov @ by_motion.T
+    # The Jacobian by the pose is the identity but for the arm, that by the motion a rotation.
+    for cross in crosses:
+        cross[0] -= arm_y * cross[2]
+        cross[1] += arm_x * cross[2]
+    after = cov.copy()
+    after[0] -= arm_y * after[2]
+    after[1] += arm_x * after[2]
+    after[:, 0] -= arm_y * after[:, 2]
+    after[:, 1] += arm_x * after[:, 2]
+    turn = np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
+    for i in range(3):
+        for j in range(3):
+            for k in range(3):
+                for m in range(3):
+                    after[i, j] += turn[i, k] * motion_cov[k, m] * turn[j, m]
+    return moved, after, np.isfinite(moved).all() and np.isfinite(after).all()
 
 
 @njit(cache=True, error_model="numpy")

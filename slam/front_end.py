@@ -1,6 +1,7 @@
 """The filter on the landmarks near the robot, and the life of landmarks: birth, merging, rest and end."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -75,7 +76,7 @@ class FrontEnd:
             ekf.add_landmarks(corners_robot.positions[new], np.asarray(block_diag(*corners_robot.covs[new])))
             landmarks[new] = table.add(corners_robot, new, ekf.x[2])
             self.local = np.concatenate([self.local, landmarks[new]])
-        return Association(matched, landmarks[matched], new, association.nis), landmarks
+        return replace(association, landmarks=landmarks[matched]), landmarks
 
     def miss(self, scan: LaserScan, sensor: SensorModel, seen: Indices) -> None:
         """End landmarks whose place the beams went through more often than they were seen; none ``seen`` just now."""

@@ -1,96 +1,26 @@
 """The factor graph behind the filter: key frames, odometry between them, corners seen from each, closures, on GTSAM."""
 
 import logging
-from dataclasses import dataclass
 
 import gtsam
 import numpy as np
 from gtsam.symbol_shorthand import L, X
 from numpy.typing import NDArray
-from scipy.stats import chi2
 
-from features.se2 import Array, Pose, between, compose, rotation, transform
+from features.se2 import Array, Pose, compose, rotation, transform
 from slam.errors import DivergedError
+from slam.graph_factors import (
+    Closure,
+    Observations,
+    anchor_factor,
+    closure_factor,
+    corner_factor,
+    empty_tree,
+    odometry_factor,
+)
+from slam.graph_solve import GraphEstimate, Problem
 
 logger = logging.getLogger(__name__)
-
-ANCHOR_SIGMAS = np.array([1e-4, 1e-4, 1e-5])
-"""The first key frame defines the world frame; its prior is tight enough not to show in any covariance [m, m, rad]."""
-
-CLOSURE_GATE = float(chi2.ppf(0.9999, 3))
-"""Twice the cost of a closure beyond which the rest of the graph contradicts it (eq. M50)."""
-
-MOST_SUSPECTS = 5
-"""How many closures, those that fit worst, are tried to be left out, one at a time."""
-
-LEAST_SUSPICIOUS = 4.0
-"""Squared Mahalanobis distance of a closure from the solution up to which none is tried."""
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Observations:
-    """Corners seen from a key frame, as observations of landmarks.
-
-    Parameters
-    ----------
-    landmarks : indices, shape (k,).
-    positions_robot : shape (k, 2) [m].
-    covs : shape (k, 2, 2) [m^2].
-    """
-
-    landmarks: NDArray[np.int64]
-    positions_robot: Array
-    covs: Array
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Closure:
-    """Two key frames that show the same place.
-
-    Parameters
-    ----------
-    older, newer : indices of the key frames.
-    motion : pose of the newer one in the frame of the older one, shape (3,).
-    cov : covariance of its coordinates, shape (3, 3).
-    """
-
-    older: int
-    newer: int
-    motion: Pose
-    cov: Array
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class GraphEstimate:
-    """Result of a batch solve.
-
-    Parameters
-    ----------
-    poses_world_robot : of the key frames, shape (n, 3).
-    landmarks : indices of those that the graph holds, rising, shape (m,).
-    positions_world, covs : of these landmarks, shapes (m, 2) [m] and (m, 2, 2) [m^2].
-    converged : the solve ended before its limit of iterations.
-    revoked : closures that the rest of the graph contradicts and that were left out.
-    """
-
-    poses_world_robot: Array
-    landmarks: NDArray[np.int64]
-    positions_world: Array
-    covs: Array
-    converged: bool
-    revoked: tuple[Closure, ...] = ()
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class _Solved:
-    """Solution of a graph, and twice its cost: the sum of squared whitened residuals."""
-
-    graph: gtsam.NonlinearFactorGraph
-    values: gtsam.Values
-    landmarks: NDArray[np.int64]
-    poses: Array
-    cost: float
-    converged: bool
 
 
 class LandmarkGraph:
@@ -107,7 +37,7 @@ class LandmarkGraph:
         self._observations: list[Observations] = []
         self._closures: list[Closure] = []
         self._merged_into: dict[int, int] = {}
-        self._isam: gtsam.ISAM2 | None = _empty_tree(relinearize_skip=10)
+        self._isam: gtsam.ISAM2 | None = empty_tree(relinearize_skip=10)
         self._new_factors = gtsam.NonlinearFactorGraph()
         self._new_values = gtsam.Values()
         self._seen_once: dict[int, tuple[int, Array, Array]] = {}
@@ -128,7 +58,7 @@ class LandmarkGraph:
     def poses_world_robot(self) -> Array:
         """Poses of the key frames by all that :meth:`update` has taken in, shape (n, 3)."""
         if self._moved and self._isam is not None:
-            self._poses = gtsam.utilities.extractPose2(self._isam.calculateEstimate())
+            self._poses = np.ascontiguousarray(gtsam.utilities.extractPose2(self._isam.calculateEstimate()))
             self._moved = False
         return self._poses[: len(self)]
 
@@ -147,11 +77,10 @@ class LandmarkGraph:
         key = len(self)
         if key == 0:
             pose = pose_world_robot
-            prior = gtsam.noiseModel.Diagonal.Sigmas(ANCHOR_SIGMAS)
-            factor = gtsam.PriorFactorPose2(X(0), gtsam.Pose2(*pose), prior)
+            factor = anchor_factor(pose)
         else:
             pose = compose(self.poses_world_robot[-1], motion)
-            factor = gtsam.BetweenFactorPose2(X(key - 1), X(key), gtsam.Pose2(*motion), _noise(motion, motion_cov))
+            factor = odometry_factor(key, motion, motion_cov)
         self._odometry.add(factor)
         self._new_factors.add(factor)
         self._new_values.insert(X(key), gtsam.Pose2(*pose))
@@ -169,13 +98,13 @@ class LandmarkGraph:
             first = self._seen_once.pop(landmark)
             self._placed.add(landmark)
             self._new_values.insert(L(landmark), transform(self._poses[first[0]], first[1]))
-            self._new_factors.add(self._corner_factor(first[0], landmark, *first[1:]))
-        self._new_factors.add(self._corner_factor(key, landmark, position, cov))
+            self._new_factors.add(corner_factor(first[0], landmark, *first[1:], self._kernel))
+        self._new_factors.add(corner_factor(key, landmark, position, cov, self._kernel))
 
     def add_closure(self, closure: Closure) -> None:
         """Append a closure; it may be revoked by :meth:`optimize`."""
         self._closures.append(closure)
-        self._new_factors.add(self._closure_factor(closure))
+        self._new_factors.add(closure_factor(closure))
         self._closed = True
 
     def merge(self, kept: int, other: int) -> None:
@@ -230,51 +159,10 @@ class LandmarkGraph:
         DivergedError
             The graph does not determine its unknowns.
         """
-        closures = list(self._closures)
-        revoked: list[Closure] = []
         try:
-            solved = self._solve(self.poses_world_robot, closures, max_iterations)
-            while closures:
-                # A closure pulls the solution towards itself: what it costs is told by a solution without it.
-                suspects = sorted(closures, key=lambda closure: -_distance2(closure, solved.poses))[:MOST_SUSPECTS]
-                if _distance2(suspects[0], solved.poses) <= LEAST_SUSPICIOUS:
-                    break
-                without = [
-                    self._solve(solved.poses, [each for each in closures if each is not suspect], max_iterations)
-                    for suspect in suspects
-                ]
-                best = int(np.argmin([each.cost for each in without]))
-                if solved.cost - without[best].cost <= CLOSURE_GATE:
-                    break
-                revoked.append(suspects[best])
-                closures.remove(suspects[best])
-                solved = without[best]
-            tree = _empty_tree(relinearize_skip=1)
-            tree.update(solved.graph, solved.values)
-            covs = [tree.marginalCovariance(L(int(landmark))) for landmark in solved.landmarks]
+            return self._problem().solve(self._closures, max_iterations)
         except RuntimeError as error:
             raise self._undetermined(error) from None
-        return GraphEstimate(
-            poses_world_robot=solved.poses,
-            landmarks=solved.landmarks,
-            positions_world=np.array([solved.values.atPoint2(L(int(j))) for j in solved.landmarks]).reshape(-1, 2),
-            covs=np.array(covs).reshape(-1, 2, 2),
-            converged=solved.converged,
-            revoked=tuple(revoked),
-        )
-
-    def _solve(self, poses_world_robot: Array, closures: list[Closure], max_iterations: int) -> "_Solved":
-        params = gtsam.LevenbergMarquardtParams()
-        params.setMaxIterations(max_iterations)
-        params.setRelativeErrorTol(1e-6)
-        # QR: a long way without a loop leaves information that differs by more than Cholesky's squared numbers hold.
-        params.setLinearSolverType("MULTIFRONTAL_QR")
-        graph, guess, landmarks = self._with_observations(poses_world_robot, closures)
-        optimizer = gtsam.LevenbergMarquardtOptimizer(graph, guess, params)
-        values = optimizer.optimize()
-        poses = gtsam.utilities.extractPose2(values).reshape(-1, 3)
-        converged = optimizer.iterations() < max_iterations
-        return _Solved(graph, values, landmarks, poses, 2.0 * optimizer.error(), converged)
 
     def pose_covs(self, estimate: GraphEstimate, key_frames: NDArray[np.int64]) -> Array:
         """Marginal covariances of key frames at a solution, shape (k, 3, 3), each in the key frame's own frame.
@@ -289,27 +177,24 @@ class LandmarkGraph:
         DivergedError
             The graph does not determine its unknowns.
         """
-        closures = [closure for closure in self._closures if closure not in estimate.revoked]
-        graph, values, _ = self._with_observations(estimate.poses_world_robot, closures)
+        problem = self._problem()
+        for key, pose in enumerate(estimate.poses_world_robot):
+            problem.guess.update(X(key), gtsam.Pose2(*pose))
         for landmark, position in zip(estimate.landmarks.tolist(), estimate.positions_world, strict=True):
-            values.update(L(landmark), position)
-        tree = _empty_tree(relinearize_skip=1)
+            problem.guess.update(L(landmark), position)
         try:
-            tree.update(graph, values)
-            return np.array([tree.marginalCovariance(X(int(key))) for key in key_frames]).reshape(-1, 3, 3)
+            return problem.pose_covs([each for each in self._closures if each not in estimate.revoked], key_frames)
         except RuntimeError as error:
             raise self._undetermined(error) from None
 
     def unsolved(self) -> GraphEstimate:
         """Return the estimate so far, for the key frames and landmarks that :meth:`optimize` would solve for."""
-        poses = self.poses_world_robot
-        landmarks = self._determined()
-        values = self._with_observations(poses, [])[1]
+        problem = self._problem()
         return GraphEstimate(
-            poses_world_robot=poses,
-            landmarks=landmarks,
-            positions_world=np.array([values.atPoint2(L(int(j))) for j in landmarks]).reshape(-1, 2),
-            covs=np.full((len(landmarks), 2, 2), np.nan),
+            poses_world_robot=self.poses_world_robot,
+            landmarks=problem.landmarks,
+            positions_world=gtsam.utilities.extractPoint2(problem.guess).reshape(-1, 2),
+            covs=np.full((len(problem.landmarks), 2, 2), np.nan),
             converged=False,
         )
 
@@ -323,67 +208,25 @@ class LandmarkGraph:
         landmarks, counts = np.unique(np.array([j for each in seen for j in each], np.int64), return_counts=True)
         return landmarks[counts >= 2]
 
-    def _with_observations(
-        self, poses_world_robot: Array, closures: list[Closure]
-    ) -> tuple[gtsam.NonlinearFactorGraph, gtsam.Values, NDArray[np.int64]]:
+    def _problem(self) -> Problem:
+        """Return all that was told but closures, to be solved from the estimate so far."""
         landmarks = self._determined()
         held = set(landmarks.tolist())
         graph = gtsam.NonlinearFactorGraph(self._odometry)
-        values = gtsam.Values()
-        for key, (pose, observed) in enumerate(zip(poses_world_robot, self._observations, strict=True)):
-            values.insert(X(key), gtsam.Pose2(*pose))
+        guess = gtsam.Values()
+        known = gtsam.Values() if self._isam is None else self._isam.calculateEstimate()
+        for key, (pose, observed) in enumerate(zip(self.poses_world_robot, self._observations, strict=True)):
+            guess.insert(X(key), gtsam.Pose2(*pose))
             for index, position, cov in _each(observed):
                 landmark = self.resolve(index)
                 if landmark not in held:
                     continue
-                if not values.exists(L(landmark)):
-                    values.insert(L(landmark), transform(pose, position))
-                graph.add(self._corner_factor(key, landmark, position, cov))
-        for closure in closures:
-            graph.add(self._closure_factor(closure))
-        return graph, values, landmarks
-
-    def _closure_factor(self, closure: Closure) -> gtsam.BetweenFactorPose2:
-        """Closure with its full weight: a kernel would let a long way of small errors outvote it."""
-        return gtsam.BetweenFactorPose2(
-            X(closure.older), X(closure.newer), gtsam.Pose2(*closure.motion), _noise(closure.motion, closure.cov)
-        )
-
-    def _corner_factor(self, key: int, landmark: int, position: Array, cov: Array) -> gtsam.BearingRangeFactor2D:
-        """Corner observation in GTSAM's coordinates, bearing and range, with the whole covariance (eq. M19)."""
-        x, y = position
-        rho = float(np.hypot(x, y))
-        to_polar = np.array([[-y / rho**2, x / rho**2], [x / rho, y / rho]])
-        noise = gtsam.noiseModel.Gaussian.Covariance(to_polar @ cov @ to_polar.T)
-        return gtsam.BearingRangeFactor2D(
-            X(key), L(landmark), gtsam.Rot2.atan2(y, x), rho, gtsam.noiseModel.Robust.Create(self._kernel, noise)
-        )
+                name = L(landmark)
+                if not guess.exists(name):
+                    guess.insert(name, known.atPoint2(name) if known.exists(name) else transform(pose, position))
+                graph.add(corner_factor(key, landmark, position, cov, self._kernel))
+        return Problem(graph, guess, landmarks)
 
 
 def _each(observations: Observations) -> zip:
     return zip(observations.landmarks.tolist(), observations.positions_robot, observations.covs, strict=True)
-
-
-def _noise(motion: Pose, cov: Array) -> gtsam.noiseModel.Gaussian:
-    """Covariance of a motion's coordinates for GTSAM, which takes the error of a motion in the frame of its end."""
-    to_end = np.eye(3)
-    to_end[:2, :2] = rotation(motion[2]).T
-    return gtsam.noiseModel.Gaussian.Covariance(to_end @ cov @ to_end.T)
-
-
-def _distance2(closure: Closure, poses_world_robot: Array) -> float:
-    """Squared Mahalanobis distance of a closure from where the poses put its key frames."""
-    found = between(poses_world_robot[closure.older], poses_world_robot[closure.newer])
-    error = between(closure.motion, found)
-    turn = np.eye(3)
-    turn[:2, :2] = rotation(closure.motion[2]).T
-    return float(error @ np.linalg.solve(turn @ closure.cov @ turn.T, error))
-
-
-def _empty_tree(relinearize_skip: int) -> gtsam.ISAM2:
-    """Tree that is eliminated by QR, iSAM2's and from Python GTSAM's only way to marginals of a long open way."""
-    params = gtsam.ISAM2Params()
-    params.setFactorization("QR")
-    params.setRelinearizeThreshold(0.05)
-    params.relinearizeSkip = relinearize_skip
-    return gtsam.ISAM2(params)

@@ -1,8 +1,11 @@
 """Ctrl-C as a request to come to an end, not as an exception in the middle of a computation."""
 
 import signal
+from collections.abc import Iterable, Iterator
 from types import FrameType, TracebackType
-from typing import Self
+from typing import Self, TypeVar
+
+Item = TypeVar("Item")
 
 
 class Interrupt:
@@ -10,6 +13,7 @@ class Interrupt:
 
     def __init__(self) -> None:
         self.requested = False
+        self._waiting = False
         self._handlers: dict[signal.Signals, object] = {}
 
     def __enter__(self) -> Self:
@@ -23,7 +27,27 @@ class Interrupt:
         for number, handler in self._handlers.items():
             signal.signal(number, handler)  # type: ignore[arg-type]  # what signal.signal returned
 
+    def until(self, items: Iterable[Item]) -> Iterator[Item]:
+        """Yield items until a signal comes, also while the next one is waited for, however long that takes."""
+        waited = iter(items)
+        while not self.requested:
+            try:
+                self._waiting = True
+                item = next(waited)
+                self._waiting = False
+            except StopIteration:
+                return
+            except KeyboardInterrupt:
+                if not self.requested:
+                    raise
+                return
+            finally:
+                self._waiting = False
+            yield item
+
     def _request(self, number: int, frame: FrameType | None) -> None:
-        if self.requested:
+        if self.requested or self._waiting:
+            self.requested = True
+            self._waiting = False
             raise KeyboardInterrupt
         self.requested = True

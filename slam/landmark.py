@@ -1,5 +1,7 @@
 """What is remembered of each landmark beside the filter's state: signature, counts, and where it is while at rest."""
 
+from dataclasses import dataclass
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -10,6 +12,29 @@ Indices = NDArray[np.int64]
 
 LOCAL, MERGED, GONE = -1, -2, -3
 """Instead of a key frame: the landmark is in the filter's state, is another one by now, or is no more."""
+
+
+@dataclass(frozen=True, slots=True)
+class LandmarkCounts:
+    """What became of landmarks.
+
+    Parameters
+    ----------
+    born : all that there were.
+    tentative : not seen often enough yet to be on the map.
+    confirmed : seen often enough.
+    pruned : the beams went through their place more often than they were seen; tentative and confirmed ones.
+    merged : found to be another one.
+    rested, woken : times that landmarks left the filter for a key frame, and came back.
+    """
+
+    born: int
+    tentative: int
+    confirmed: int
+    pruned: int
+    merged: int
+    rested: int
+    woken: int
 
 
 class LandmarkTable:
@@ -41,6 +66,7 @@ class LandmarkTable:
         self.headings: Array = np.empty(0)
         self.positions: Array = np.empty((0, 2))
         self.covs: Array = np.empty((0, 2, 2))
+        self._rested = self._woken = 0
 
     def __len__(self) -> int:
         return self.observations.size
@@ -54,6 +80,17 @@ class LandmarkTable:
     def orientations(self) -> Array:
         """Mean orientation of each landmark, shape (n,) [rad]; world frame, of one at rest that of its key frame."""
         return np.arctan2(self._sums[:, 2], self._sums[:, 1])
+
+    def confirmed(self, least_observations: int) -> NDArray[np.bool_]:
+        """Whether each landmark was seen so often, and neither pruned nor merged, shape (n,)."""
+        return (self.observations >= least_observations) & (self.key_frames > MERGED)
+
+    def counts(self, least_observations: int) -> LandmarkCounts:
+        """Count what became of them, given how often a landmark has to be seen to be confirmed."""
+        confirmed = int(self.confirmed(least_observations).sum())
+        pruned, merged = int((self.key_frames == GONE).sum()), int((self.key_frames == MERGED).sum())
+        tentative = len(self) - confirmed - pruned - merged
+        return LandmarkCounts(len(self), tentative, confirmed, pruned, merged, self._rested, self._woken)
 
     def add(self, corners_robot: Corners, chosen: Indices, heading: float) -> Indices:
         """Append a landmark for each of the chosen corners; return their indices."""
@@ -83,11 +120,13 @@ class LandmarkTable:
 
     def rest(self, landmarks: Indices) -> None:
         """Lay landmarks that have a home to rest there."""
+        self._rested += len(landmarks)
         self.turn(landmarks, -self.headings[landmarks])
         self.key_frames[landmarks] = self.homes[landmarks]
 
     def wake(self, landmarks: Indices, headings: Array) -> None:
         """Take landmarks from rest into the state, where their key frames have these headings."""
+        self._woken += len(landmarks)
         self.turn(landmarks, headings)
         self.headings[landmarks] = headings
         self.key_frames[landmarks] = LOCAL

@@ -100,8 +100,13 @@ class LineOdometry:
 
     @property
     def scan(self) -> ScanPoints | None:
-        """Points of the latest scan that was registered."""
+        """Points of the latest scan."""
         return self._scan
+
+    @property
+    def share(self) -> float | None:
+        """Share of the points of the latest scan that lie on known walls; None where it fits nowhere."""
+        return None if self._fit is None else self._fit.share
 
     def anchor(self) -> Anchor:
         """Remember this moment, to tell the motion since."""
@@ -116,18 +121,25 @@ class LineOdometry:
             The pose or its covariance is no longer finite.
         """
         self._drifting.move(*self._motion.step(stamp, pose_odom_robot))
-        if not (np.isfinite(self._drifting.pose).all() and np.isfinite(self._drifting.cov).all()):
+        if not self._drifting.finite:
             raise DivergedError("the pose or its covariance is no longer finite: look at the odometry")
 
-    def register(self, stamp: float, scan: LaserScan, lines: Lines) -> None:
+    def look(self, scan: LaserScan, lines: Lines) -> ScanPoints:
+        """Remember the points of a scan and its lines, sensor frame, without a correction."""
+        walls_robot = walls_of_lines(lines, self._sensor.mounting)
+        self._scan = scan_points(scan, walls_robot, self._sensor, self._line_distance)
+        return self._scan
+
+    def register(self, stamp: float, scan: LaserScan, lines: Lines) -> ScanPoints:
         """Correct the pose by a scan and its lines, sensor frame; where it fits nowhere the prediction stands."""
-        self._scan = scan_points(scan, walls_of_lines(lines, self._sensor.mounting), self._sensor, self._line_distance)
-        self._fit = self._match(self._scan) if len(self._map.walls) else None
+        points = self.look(scan, lines)
+        self._fit = self._match(points) if len(self._map.walls) else None
         if self._fit is not None and not self._stands:
             self._drifting.correct(self._fit.information, self._fit.pull)
             self._since_correction.reset()
         self._motion.learn(stamp, self._since_scan)
         self._since_scan.reset()
+        return points
 
     @property
     def _stands(self) -> bool:
@@ -135,7 +147,7 @@ class LineOdometry:
 
         From the same place the errors of the walls are the same: to average over them would be to believe them.
         """
-        return bool((np.diag(self._since_correction.motion_cov) < STANDING).all())
+        return bool((self._since_correction.motion_cov.diagonal() < STANDING).all())
 
     def add_key_frame(self) -> None:
         """Put the walls of the latest scan on the line map."""

@@ -1,5 +1,6 @@
 """What is expected of a motion before a scan is looked at, and how far it can be trusted."""
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -27,11 +28,11 @@ class OdometryModel:
 
     def covariance(self, increment: Pose) -> Array:
         """Covariance, shape (3, 3), of the coordinates of an increment, eq. M12."""
-        travel = float(np.hypot(increment[0], increment[1]))
-        turn = abs(float(increment[2]))
+        x, y, turn = increment.tolist()
+        travel, turn = math.hypot(x, y), abs(turn)
         position = self.position_per_travel**2 * travel + self.position_per_turn**2 * turn
         heading = self.heading_per_travel**2 * travel + self.heading_per_turn**2 * turn
-        return np.diag([position, position, heading])
+        return np.array([[position, 0.0, 0.0], [0.0, position, 0.0], [0.0, 0.0, heading]])
 
 
 class WheelMotion:

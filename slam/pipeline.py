@@ -3,7 +3,7 @@
 import logging
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,7 +13,7 @@ from features.extract import extract
 from features.feature import Features
 from features.scan import LaserScan
 from features.se2 import Array, Pose, compose, rotation
-from slam.association import Association
+from slam.association import Association, ObservationCounts
 from slam.conclude import conclude, landmark_map
 from slam.config import SlamConfig
 from slam.deskew import deskew_by_odometry
@@ -21,15 +21,17 @@ from slam.drifting_pose import Anchor
 from slam.ekf import LandmarkEkf
 from slam.errors import DivergedError
 from slam.front_end import FrontEnd
-from slam.graph import Closure, GraphEstimate, LandmarkGraph
+from slam.graph import Closure, GraphEstimate
+from slam.graph_journal import JournaledGraph
 from slam.key_frame import KeyFrame, View
 from slam.landmark import LandmarkTable
 from slam.line_odometry import load_compiled
 from slam.loop_closing import LoopCloser
 from slam.parts import gates, line_odometry, loop_rules
 from slam.records import Records
-from slam.result import RunMetrics, SlamResult
+from slam.result import ClosureCounts, RunMetrics, SlamResult
 from slam.stage_clock import StageClock, peak_memory_mb
+from slam.watch import Trust, Watch
 
 logger = logging.getLogger(__name__)
 
@@ -59,7 +61,7 @@ class Slam:
     """EKF-SLAM on corners, with a factor graph behind it.
 
     Feed frames in the order of their stamps to :meth:`process`; :meth:`finish` solves the graph and returns the result.
-    The world frame is the odometry frame of the first record.
+    The world frame is the odometry frame of the first record. Pickled and read back it goes on as if nothing had been.
 
     Attributes
     ----------
@@ -70,11 +72,13 @@ class Slam:
         self.config = config
         self._estimate: GraphEstimate | None = None
         self._sensor = config.sensor.model()
-        self._graph = LandmarkGraph(config.back_end.cauchy_scale)
+        self._graph = JournaledGraph(config.back_end.cauchy_scale)
         self._closer = LoopCloser(loop_rules(config))
         self._front_end: FrontEnd | None = None
         self._records = Records()
         self._key_frames: list[KeyFrame] = []
+        self._observations = ObservationCounts()
+        self._watch = Watch(config.front_end.match_probability, wheels=config.odometry.source == "line-aided")
         # Compiled code is loaded, or made at the very first use on a machine, before the clock starts.
         scan = LaserScan(np.ones(8), np.linspace(0.0, 0.1, 8))
         load_compiled(scan, extract(scan, self._sensor, config.extraction).lines, self._sensor)
@@ -89,6 +93,11 @@ class Slam:
     def landmarks(self) -> Array:
         """Landmarks of the filter, world frame, shape (n, 2) [m]."""
         return self._front.ekf.landmarks.copy()
+
+    @property
+    def trust(self) -> Trust:
+        """Whether anything speaks against the run so far, and what."""
+        return self._watch.trust
 
     @property
     def scans(self) -> int:
@@ -165,6 +174,7 @@ class Slam:
         self._odometry = line_odometry(self.config, pose_odom_robot)
         self._since_update: Anchor = self._odometry.anchor()
         self._since_key_frame: Anchor = self._odometry.anchor()
+        self._since_scan: Anchor = self._odometry.anchor()
 
     def _extract(self, scan: LaserScan) -> View:
         with self._clock.timed("extract"):
@@ -175,11 +185,20 @@ class Slam:
 
     def _register(self, stamp: float, view: View) -> None:
         """Correct odometry by the walls."""
-        if self.config.odometry.source == "wheel":
-            return
+        odometry, records, lines = self._odometry, self._records, view.features.lines
         with self._clock.timed("odometry"):
-            self._odometry.register(stamp, view.scan, view.features.lines)
-            self._records.poses_map[-1] = self._odometry.pose
+            if self.config.odometry.source == "wheel":
+                odometry.look(view.scan, lines)
+            else:
+                rejected = odometry.counts.predictions_rejected
+                points = odometry.register(stamp, view.scan, lines)
+                records.poses_map[-1] = odometry.pose
+                rejected = odometry.counts.predictions_rejected > rejected
+                self._watch.registered(
+                    stamp, points.points, odometry.pose, records.poses_odom[-1], odometry.share, rejected=rejected
+                )
+            self._watch.drove(stamp, self._since_scan.motion, seen=len(lines) > 0)
+            self._since_scan.reset()
 
     def _update_due(self) -> bool:
         front_end = self.config.front_end
@@ -201,6 +220,8 @@ class Slam:
             self._front.move(self._since_update.motion, self._since_update.motion_cov)
             self._since_update.reset()
             association, landmarks = self._front.observe(view.corners_robot)
+            self._observations.add(len(view.corners_robot), association)
+            self._watch.updated(self._records.stamps[-1], association)
             self._front.miss(view.scan, self._sensor, landmarks)
             return association, landmarks
 
@@ -279,7 +300,12 @@ class Slam:
             peak_memory_mb=peak_memory_mb(),
             landmarks=landmarks,
             key_frames=len(self._key_frames),
-            registrations=self._odometry.counts,
+            registrations=replace(self._odometry.counts),
+            observations=replace(self._observations),
+            landmark_life=self._front.table.counts(self.config.map.min_observations),
+            closures=ClosureCounts(len(self._graph.closures), len(estimate.revoked)),
+            nis=self._watch.nis,
+            trust=self.trust,
             stages=self._clock.stages(),
             graph_converged=estimate.converged,
             interrupted=interrupted,

@@ -89,7 +89,7 @@ def register_kernel(
     return pose, information, pull, inliers
 
 
-@njit(cache=True, error_model="numpy", fastmath=SUMS)
+@njit(cache=True, error_model="numpy", fastmath=SUMS, forceinline=True)
 def _lay_walls(
     points, bearings, lines, walls_robot, origin_x, origin_y, walls, pose, gate, reach, var_scatter, cos_turn, turned,
     beams, knowledge,
@@ -152,7 +152,7 @@ def _lay_walls(
                 beams[i, CERTAINTY] += robust / variance
 
 
-@njit(cache=True, error_model="numpy", fastmath=SUMS)
+@njit(cache=True, error_model="numpy", fastmath=SUMS, forceinline=True)
 def _accumulate(
     ranges, bearings, lines, beams, knowledge, heading, var_range, var_bearing, var_rough, spread, kernel2, sums,
     information, gradient,

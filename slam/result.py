@@ -8,9 +8,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from features.se2 import Array
+from slam.association import ObservationCounts
 from slam.config import SlamConfig
+from slam.landmark import LandmarkCounts
 from slam.line_odometry import RegistrationCounts
+from slam.nis_watch import NisSummary
 from slam.trajectory import Trajectory
+from slam.watch import Trust
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -81,6 +85,14 @@ class StageTime:
 
 
 @dataclass(frozen=True, slots=True)
+class ClosureCounts:
+    """Loop closures that entered the graph, and those of them that its solution contradicted."""
+
+    accepted: int
+    revoked: int
+
+
+@dataclass(frozen=True, slots=True)
 class RunMetrics:
     """Figures of a run; ``records`` counts every stamped record, ``scans`` those with a scan."""
 
@@ -93,6 +105,11 @@ class RunMetrics:
     landmarks: int
     key_frames: int
     registrations: RegistrationCounts
+    observations: ObservationCounts
+    landmark_life: LandmarkCounts
+    closures: ClosureCounts
+    nis: NisSummary | None
+    trust: Trust
     stages: dict[str, StageTime]
     graph_converged: bool
     interrupted: bool

@@ -4,12 +4,13 @@ import sys
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
+from typing import Any
 
 from slam.result import StageTime
 
 
 class StageClock:
-    """Times of the stages of a run, call by call.
+    """Times of the stages of a run, call by call; kept in a file, it stands until it is read back.
 
     Parameters
     ----------
@@ -19,6 +20,13 @@ class StageClock:
     def __init__(self, *stages: str) -> None:
         self._seconds: dict[str, list[float]] = {stage: [] for stage in stages}
         self._started = time.perf_counter()
+
+    def __getstate__(self) -> dict[str, Any]:
+        return {"_seconds": self._seconds, "_started": self.elapsed}
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        self._seconds = state["_seconds"]
+        self._started = time.perf_counter() - state["_started"]
 
     @property
     def elapsed(self) -> float:

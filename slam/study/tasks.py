@@ -20,9 +20,9 @@ from distributed import Client, LocalCluster, Worker, as_completed
 from pydantic import BaseModel
 
 from slam.errors import RunFolderError, StudyError
+from slam.program import fingerprint
 from slam.progress import RunProgress
 from slam.study.journal import Journal, identity
-from slam.study.program import fingerprint
 
 Work = Callable[[Any, int, int], Any]
 """A task: settings, number of the task and its seed to what it yields, in terms of JSON."""

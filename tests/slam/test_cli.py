@@ -6,6 +6,7 @@ import signal
 import subprocess
 import sys
 from collections.abc import Callable, Iterator
+from importlib.metadata import version
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -212,7 +213,7 @@ def test_what_came_before_a_broken_line_is_kept(cwlf: Callable[..., Outcome], tm
     assert "line 4" in outcome.err
     assert str(out) in outcome.err
     assert len(outcome.err.splitlines()) == 1
-    assert {path.name for path in out.iterdir()} == FILES
+    assert {path.name for path in out.iterdir()} == FILES | {"checkpoint"}
     assert len(read_tum(out / "trajectory.tum")) == 3
 
 
@@ -242,10 +243,16 @@ def test_a_misspelt_key_and_an_unknown_sensor_are_named(
     assert "rplidar-s1" in cwlf("run", room_log, "--sensor", "s9").err
 
 
+def test_the_version_is_that_of_the_package(cwlf: Callable[..., Outcome]) -> None:
+    outcome = cwlf("--version")
+    assert (outcome.code, outcome.out) == (0, f"cwlf-slam {version('cwlf-slam')}\n")
+
+
 def test_bad_usage_is_exit_code_2(cwlf: Callable[..., Outcome], tmp_path: Path) -> None:
     assert cwlf("run").code == 2
     assert cwlf("evaluate", tmp_path).code == 2
     assert cwlf("demo", "--seed", "-1").code == 2
+    assert cwlf("run", tmp_path / "any.log", "--resume").code == 2
 
 
 def test_config_prints_toml_that_config_reads(cwlf: Callable[..., Outcome], tmp_path: Path) -> None:
@@ -289,7 +296,7 @@ def test_ctrl_c_leaves_a_complete_folder_of_what_was_done(
     outcome = cwlf("run", room_log, "--sensor", "rplidar-s1", "--out", tmp_path / "run")
     assert outcome.code == 130
     assert "interrupted" in outcome.err
-    assert {path.name for path in (tmp_path / "run").iterdir()} == FILES
+    assert {path.name for path in (tmp_path / "run").iterdir()} == FILES | {"checkpoint"}
     metrics = json.loads((tmp_path / "run" / "metrics.json").read_text())
     assert metrics["interrupted"] is True
     assert 500 <= metrics["records"] <= 501
@@ -308,7 +315,7 @@ def test_ctrl_c_while_the_folder_is_written_leaves_it_complete(
 
     monkeypatch.setattr(slam.plot, "draw_map", interrupted_drawing)
     assert cwlf("run", room_log, "--limit", 2, "--out", tmp_path / "run").code == 0
-    assert {path.name for path in (tmp_path / "run").iterdir()} == FILES
+    assert {path.name for path in (tmp_path / "run").iterdir()} == FILES | {"checkpoint"}
     assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
 
 

@@ -14,10 +14,10 @@ from pydantic import BaseModel
 
 from slam.cli import main
 from slam.errors import StudyError
+from slam.program import fingerprint
 from slam.study import report, tasks
 from slam.study.journal import JOURNAL, Journal
 from slam.study.monte_carlo import MonteCarloSettings, study_config
-from slam.study.program import fingerprint
 from slam.study.tasks import FAILURES, Outcome, pool, run_tasks, task_seed
 
 SMALL = ("--seeds", "5", "--limit", "12", "--seed", "3")

@@ -1,0 +1,94 @@
+"""What the factor graph is told of, and the factors that say it in GTSAM's coordinates."""
+
+import math
+from dataclasses import dataclass
+
+import gtsam
+import numpy as np
+from gtsam.symbol_shorthand import L, X
+from numpy.typing import NDArray
+
+from features.se2 import Array, Pose, rotation
+
+ANCHOR_SIGMAS = np.array([1e-4, 1e-4, 1e-5])
+"""The first key frame defines the world frame; its prior is tight enough not to show in any covariance [m, m, rad]."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Observations:
+    """Corners seen from a key frame, as observations of landmarks.
+
+    Parameters
+    ----------
+    landmarks : indices, shape (k,).
+    positions_robot : shape (k, 2) [m].
+    covs : shape (k, 2, 2) [m^2].
+    """
+
+    landmarks: NDArray[np.int64]
+    positions_robot: Array
+    covs: Array
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Closure:
+    """Two key frames that show the same place.
+
+    Parameters
+    ----------
+    older, newer : indices of the key frames.
+    motion : pose of the newer one in the frame of the older one, shape (3,).
+    cov : covariance of its coordinates, shape (3, 3).
+    """
+
+    older: int
+    newer: int
+    motion: Pose
+    cov: Array
+
+
+def anchor_factor(pose_world_robot: Pose) -> gtsam.PriorFactorPose2:
+    """First key frame, where it defines the world frame."""
+    return gtsam.PriorFactorPose2(X(0), gtsam.Pose2(*pose_world_robot), gtsam.noiseModel.Diagonal.Sigmas(ANCHOR_SIGMAS))
+
+
+def odometry_factor(key: int, motion: Pose, cov: Array) -> gtsam.BetweenFactorPose2:
+    """Motion to a key frame from the one before, shape (3,), with the covariance of its coordinates."""
+    return gtsam.BetweenFactorPose2(X(key - 1), X(key), gtsam.Pose2(*motion), _noise(motion, cov))
+
+
+def closure_factor(closure: Closure) -> gtsam.BetweenFactorPose2:
+    """Closure with its full weight: a kernel would let a long way of small errors outvote it."""
+    motion = closure.motion
+    return gtsam.BetweenFactorPose2(
+        X(closure.older), X(closure.newer), gtsam.Pose2(*motion), _noise(motion, closure.cov)
+    )
+
+
+def corner_factor(
+    key: int, landmark: int, position_robot: Array, cov: Array, kernel: gtsam.noiseModel.mEstimator.Base
+) -> gtsam.BearingRangeFactor2D:
+    """Corner observation, bearing and range, with the whole covariance and a robust kernel (eq. M19)."""
+    x, y = position_robot.tolist()
+    rho = math.hypot(x, y)
+    to_polar = np.array([[-y / rho**2, x / rho**2], [x / rho, y / rho]])
+    noise = gtsam.noiseModel.Gaussian.Covariance(to_polar @ cov @ to_polar.T)
+    return gtsam.BearingRangeFactor2D(
+        X(key), L(landmark), gtsam.Rot2.atan2(y, x), rho, gtsam.noiseModel.Robust.Create(kernel, noise)
+    )
+
+
+def _noise(motion: Pose, cov: Array) -> gtsam.noiseModel.Gaussian:
+    """Covariance of a motion's coordinates for GTSAM, which takes the error of a motion in the frame of its end."""
+    to_end = np.eye(3)
+    to_end[:2, :2] = rotation(motion[2]).T
+    return gtsam.noiseModel.Gaussian.Covariance(to_end @ cov @ to_end.T)
+
+
+def empty_tree(relinearize_skip: int) -> gtsam.ISAM2:
+    """Tree that is eliminated by QR, iSAM2's and from Python GTSAM's only way to marginals of a long open way."""
+    params = gtsam.ISAM2Params()
+    params.setFactorization("QR")
+    params.setRelinearizeThreshold(0.05)
+    params.relinearizeSkip = relinearize_skip
+    return gtsam.ISAM2(params)

@@ -1,0 +1,55 @@
+"""A graph that can be kept in a file: as the journal of what it was told."""
+
+from typing import Any
+
+from features.se2 import Array, Pose
+from slam.graph import Closure, LandmarkGraph, Observations
+
+
+class JournaledGraph(LandmarkGraph):
+    """Graph that is pickled as what it was told, and told it again when it is read back.
+
+    The state of iSAM2 cannot be written exactly; told the same in the same order it becomes the same.
+
+    Parameters
+    ----------
+    cauchy_scale : residual, in sigmas, where the robust kernel halves the weight of a corner observation.
+    journal : names and arguments of calls that are made at once.
+    """
+
+    def __init__(self, cauchy_scale: float, journal: tuple[tuple[str, Any], ...] = ()) -> None:
+        super().__init__(cauchy_scale)
+        self._cauchy_scale = cauchy_scale
+        self._journal: list[tuple[str, Any]] = []
+        for name, arguments in journal:
+            getattr(self, name)(*arguments)
+
+    def __reduce__(self) -> tuple[type, tuple[Any, ...]]:
+        return JournaledGraph, (self._cauchy_scale, tuple(self._journal))
+
+    def add_key_frame(
+        self, pose_world_robot: Pose, motion: Pose, motion_cov: Array, observations: Observations
+    ) -> None:
+        """See :meth:`slam.graph.LandmarkGraph.add_key_frame`."""
+        self._journal.append(("add_key_frame", (pose_world_robot, motion, motion_cov, observations)))
+        super().add_key_frame(pose_world_robot, motion, motion_cov, observations)
+
+    def add_closure(self, closure: Closure) -> None:
+        """See :meth:`slam.graph.LandmarkGraph.add_closure`."""
+        self._journal.append(("add_closure", (closure,)))
+        super().add_closure(closure)
+
+    def merge(self, kept: int, other: int) -> None:
+        """See :meth:`slam.graph.LandmarkGraph.merge`."""
+        self._journal.append(("merge", (kept, other)))
+        super().merge(kept, other)
+
+    def update(self) -> None:
+        """See :meth:`slam.graph.LandmarkGraph.update`."""
+        self._journal.append(("update", ()))
+        super().update()
+
+    def newest_cov(self) -> Array | None:
+        """See :meth:`slam.graph.LandmarkGraph.newest_cov`; iSAM2 keeps parts of it, so it is in the journal too."""
+        self._journal.append(("newest_cov", ()))
+        return super().newest_cov()

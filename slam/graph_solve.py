@@ -1,0 +1,196 @@
+"""The batch solve of the factor graph, without the closures that the rest of it contradicts."""
+
+from dataclasses import dataclass
+
+import gtsam
+import numpy as np
+from gtsam.symbol_shorthand import L, X
+from numpy.typing import NDArray
+from scipy.special import chdtri
+
+from features.se2 import Array
+from slam.graph_factors import Closure, closure_factor, empty_tree
+
+CLOSURE_GATE = float(chdtri(3, 1e-4))
+"""What leaving a closure out takes off twice the cost of all else, beyond which the rest contradicts it (eq. M50)."""
+
+LEAST_SUSPICIOUS = 4.0
+"""Squared Mahalanobis distance of a closure from the solution up to which it is not suspected."""
+
+MOST_SUSPECTS = 20
+"""Closures, those that fit worst, whose doubts are weighed against each other."""
+
+COARSE, FINE = 1e-4, 1e-6
+"""Relative change of the cost with which a solve ends, while closures are judged and at last."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class GraphEstimate:
+    """Result of a batch solve.
+
+    Parameters
+    ----------
+    poses_world_robot : of the key frames, shape (n, 3).
+    landmarks : indices of those that the graph holds, rising, shape (m,).
+    positions_world, covs : of these landmarks, shapes (m, 2) [m] and (m, 2, 2) [m^2].
+    converged : the solve ended before its limit of iterations.
+    revoked : closures that the rest of the graph contradicts and that were left out.
+    """
+
+    poses_world_robot: Array
+    landmarks: NDArray[np.int64]
+    positions_world: Array
+    covs: Array
+    converged: bool
+    revoked: tuple[Closure, ...] = ()
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Problem:
+    """Factor graph without closures, and where its solve may start.
+
+    Parameters
+    ----------
+    graph, guess : of GTSAM.
+    landmarks : indices of those that it holds, rising, shape (m,).
+    """
+
+    graph: gtsam.NonlinearFactorGraph
+    guess: gtsam.Values
+    landmarks: NDArray[np.int64]
+
+    def solve(self, closures: list[Closure], max_iterations: int) -> GraphEstimate:
+        """Solve with the closures that the rest does not contradict.
+
+        Raises
+        ------
+        RuntimeError
+            The graph does not determine its unknowns.
+        """
+        closures = list(closures)
+        revoked: list[Closure] = []
+        fit = _fit(self.graph, closures, self.guess, max_iterations, COARSE)
+        while suspects := _suspects(fit, closures):
+            # What several suspects feign together, the worst of them may not tell alone.
+            leaving = _contradicted(fit, closures, suspects)
+            left = [closure for k, closure in enumerate(closures) if k not in leaving]
+            without = _fit(self.graph, left, fit.values, max_iterations, COARSE)
+            if fit.cost - without.cost <= CLOSURE_GATE:
+                break
+            revoked += [closures[k] for k in leaving]
+            fit, closures = without, left
+        fit = _fit(self.graph, closures, fit.values, max_iterations, FINE)
+        tree = fit.tree()
+        covs = [tree.marginalCovariance(L(landmark)) for landmark in self.landmarks.tolist()]
+        return GraphEstimate(
+            poses_world_robot=np.ascontiguousarray(gtsam.utilities.extractPose2(fit.values).reshape(-1, 3)),
+            landmarks=self.landmarks,
+            positions_world=gtsam.utilities.extractPoint2(fit.values).reshape(-1, 2),
+            covs=np.array(covs).reshape(-1, 2, 2),
+            converged=fit.converged,
+            revoked=tuple(revoked),
+        )
+
+    def pose_covs(self, closures: list[Closure], key_frames: NDArray[np.int64]) -> Array:
+        """Marginal covariances of key frames at the guess, shape (k, 3, 3), each in the key frame's own frame.
+
+        Raises
+        ------
+        RuntimeError
+            The graph does not determine its unknowns.
+        """
+        tree = _Fit(_with_closures(self.graph, closures), self.guess, 0.0, True).tree()
+        return np.array([tree.marginalCovariance(X(key)) for key in key_frames.tolist()]).reshape(-1, 3, 3)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Fit:
+    """Solution of a graph, closures at its end, and twice its cost: the sum of squared whitened residuals."""
+
+    graph: gtsam.NonlinearFactorGraph
+    values: gtsam.Values
+    cost: float
+    converged: bool
+
+    def tree(self) -> gtsam.ISAM2:
+        tree = empty_tree(relinearize_skip=1)
+        tree.update(self.graph, self.values)
+        return tree
+
+
+def _with_closures(graph: gtsam.NonlinearFactorGraph, closures: list[Closure]) -> gtsam.NonlinearFactorGraph:
+    graph = gtsam.NonlinearFactorGraph(graph)
+    for closure in closures:
+        graph.add(closure_factor(closure))
+    return graph
+
+
+def _fit(
+    graph: gtsam.NonlinearFactorGraph, closures: list[Closure], guess: gtsam.Values, max_iterations: int, end: float
+) -> _Fit:
+    params = gtsam.LevenbergMarquardtParams()
+    params.setMaxIterations(max_iterations)
+    params.setRelativeErrorTol(end)
+    # QR: a long way without a loop leaves information that differs by more than Cholesky's squared numbers hold.
+    params.setLinearSolverType("MULTIFRONTAL_QR")
+    graph = _with_closures(graph, closures)
+    optimizer = gtsam.LevenbergMarquardtOptimizer(graph, guess, params)
+    values = optimizer.optimize()
+    return _Fit(graph, values, 2.0 * optimizer.error(), optimizer.iterations() < max_iterations)
+
+
+def _suspects(fit: _Fit, closures: list[Closure]) -> list[int]:
+    """Closures that fit badly, the worst first."""
+    first = fit.graph.size() - len(closures)
+    distances2 = [2.0 * fit.graph.at(first + k).error(fit.values) for k in range(len(closures))]
+    worst = np.argsort(np.negative(distances2), kind="stable")[:MOST_SUSPECTS].tolist()
+    return [k for k in worst if distances2[k] > LEAST_SUSPICIOUS]
+
+
+def _contradicted(fit: _Fit, closures: list[Closure], suspects: list[int]) -> list[int]:
+    """Suspects that the rest contradicts by a linear reckoning, the worst first; the worst of all where none is."""
+    first = fit.graph.size() - len(closures)
+    linear = [fit.graph.at(first + k).linearize(fit.values) for k in suspects]
+    ends = [(X(closures[k].older), X(closures[k].newer)) for k in suspects]
+    keys = sorted({key for pair in ends for key in pair})
+    cov = fit.tree().jointMarginalCovariance(keys).fullMatrix()
+    jacobian = np.zeros((len(suspects), 3, len(keys), 3))
+    misfit = np.empty((len(suspects), 3))
+    for row, (factor, pair) in enumerate(zip(linear, ends, strict=True)):
+        by_both, misfit[row] = factor.jacobian()
+        for of, key in enumerate(pair):
+            jacobian[row, :, keys.index(key)] = by_both[:, 3 * of : 3 * of + 3]
+    flat = jacobian.reshape(3 * len(suspects), 3 * len(keys))
+    return [suspects[row] for row in outliers(misfit.ravel(), flat @ cov @ flat.T, CLOSURE_GATE)]
+
+
+def outliers(misfit: Array, cov: Array, gate: float) -> list[int]:
+    """Find the measurements that the rest of a linear least-squares problem contradicts, one after the other.
+
+    Parameters
+    ----------
+    misfit : whitened, measured less predicted by the solution with all of them, three rows each, shape (3 m,).
+    cov : covariance of what the solution predicts of the whitened measurements, shape (3 m, 3 m).
+    gate : of what leaving a measurement out takes off the sum of squares (eq. M50).
+
+    Returns
+    -------
+    Rows, the worst first; the worst one alone where none is beyond the gate.
+    """
+    misfit, cov = misfit.copy(), cov.copy()
+    left = list(range(misfit.size // 3))
+    out: list[int] = []
+    while left:
+        rows = [slice(3 * k, 3 * k + 3) for k in left]
+        without = [np.linalg.solve(np.eye(3) - cov[row, row], misfit[row]) for row in rows]
+        gains = [misfit[row] @ change for row, change in zip(rows, without, strict=True)]
+        worst = int(np.argmax(gains))
+        if out and gains[worst] <= gate:
+            break
+        row = rows[worst]
+        gain = np.linalg.solve(np.eye(3) - cov[row, row], cov[row])
+        misfit, cov = misfit + gain.T @ misfit[row], cov + cov[:, row] @ gain
+        out.append(left.pop(worst))
+        if gains[worst] <= gate:
+            break
+    return out

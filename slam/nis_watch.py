@@ -1,0 +1,74 @@
+"""Whether the innovations of the filter are as large as it promises: windowed NIS against its chi-square bounds."""
+
+from collections import deque
+from dataclasses import dataclass
+
+from scipy.stats import chi2
+
+WINDOW = 50
+"""Updates whose innovations are judged together."""
+
+LEVEL = 0.9999
+"""Two-sided level of the bounds of a window."""
+
+
+@dataclass(frozen=True, slots=True)
+class NisSummary:
+    """NIS of a run; 1 per degree of freedom is a filter that promises what it keeps.
+
+    Parameters
+    ----------
+    per_dof : normalised innovations squared of all updates per degree of freedom, by what the gate lets through.
+    windows : judged, each of :data:`WINDOW` updates, one later than the other.
+    above, below : share of the windows above and below their bounds: too little and too much error promised.
+    level : two-sided level of the bounds.
+    """
+
+    per_dof: float
+    windows: int
+    above: float
+    below: float
+    level: float
+
+
+class NisWatch:
+    """Judges the last :data:`WINDOW` updates after each.
+
+    The gate of the association takes off the tail of each pair's distribution, so that the expected NIS is smaller than
+    its degrees of freedom (eq. M51).
+
+    Parameters
+    ----------
+    match_probability : chi-square level of the gate of a pair.
+    """
+
+    def __init__(self, match_probability: float) -> None:
+        gate = float(chi2.ppf(match_probability, 2))
+        self._kept = 1.0 - 0.5 * gate * (1.0 - match_probability) / match_probability
+        self._latest: deque[tuple[float, int]] = deque(maxlen=WINDOW)
+        self._total, self._dof = 0.0, 0
+        self._windows = self._above = self._below = 0
+
+    def add(self, nis: float, pairs: int) -> bool:
+        """Take in an update of so many pairs; whether the window that it ends is above its bounds."""
+        if not pairs:
+            return False
+        self._latest.append((nis, 2 * pairs))
+        self._total, self._dof = self._total + nis, self._dof + 2 * pairs
+        if len(self._latest) < WINDOW:
+            return False
+        window, dof = (sum(values) for values in zip(*self._latest, strict=True))
+        low, high = chi2.interval(LEVEL, dof)
+        above, below = window > self._kept * high, window < self._kept * low
+        self._windows += 1
+        self._above += bool(above)
+        self._below += bool(below)
+        return bool(above)
+
+    def summary(self) -> NisSummary | None:
+        """Figures so far; None where nothing was matched."""
+        if not self._dof:
+            return None
+        windows = max(self._windows, 1)
+        per_dof = self._total / (self._kept * self._dof)
+        return NisSummary(per_dof, self._windows, self._above / windows, self._below / windows, LEVEL)

@@ -1,0 +1,52 @@
+"""NIS against its bounds: a filter that keeps what it promises passes; too much or too little does not."""
+
+import numpy as np
+import pytest
+from scipy.stats import chi2
+
+from slam.nis_watch import WINDOW, NisWatch
+
+PAIRS = 8
+
+
+@pytest.fixture
+def rng() -> np.random.Generator:
+    return np.random.default_rng(8)
+
+
+def gated(rng: np.random.Generator, inflation: float, updates: int, probability: float) -> NisWatch:
+    """NIS of updates whose pairs, each chi-square with two degrees of freedom and inflated, passed the gate."""
+    watch = NisWatch(probability)
+    for _ in range(updates):
+        pairs = inflation * rng.chisquare(2, PAIRS)
+        passed = pairs[pairs <= chi2.ppf(probability, 2)]
+        watch.add(float(passed.sum()), len(passed))
+    return watch
+
+
+@pytest.mark.parametrize("probability", [0.9, 0.99])
+def test_what_the_gate_takes_off_is_allowed_for(rng: np.random.Generator, probability: float) -> None:
+    summary = gated(rng, 1.0, 3000, probability).summary()
+    assert summary is not None
+    # 24,000 pairs of variance 4 or less: a standard deviation of the mean per degree of freedom below 0.7 %, four here.
+    assert summary.per_dof == pytest.approx(1.0, abs=0.028)
+    assert summary.windows == 3000 - WINDOW + 1
+    # Of windows that overlap about 60 are independent; at 99.99 % none is expected outside.
+    assert (summary.above, summary.below) == (0.0, 0.0)
+
+
+@pytest.mark.parametrize(("inflation", "above"), [(1.8, True), (0.6, False)])
+def test_a_filter_that_promises_too_much_or_too_little_leaves_its_bounds(
+    rng: np.random.Generator, inflation: float, above: bool
+) -> None:
+    summary = gated(rng, inflation, 500, 0.99).summary()
+    assert summary is not None
+    assert (summary.above > 0.5, summary.below > 0.5) == (above, not above)
+
+
+def test_a_window_has_to_be_full_and_updates_without_pairs_do_not_count() -> None:
+    watch = NisWatch(0.99)
+    assert watch.summary() is None
+    assert not any(watch.add(1000.0, PAIRS) for _ in range(WINDOW - 1))
+    assert not watch.add(0.0, 0)
+    assert watch.add(1000.0, PAIRS)
