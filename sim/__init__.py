@@ -9,12 +9,14 @@ from sim.labels import label_corners
 from sim.lidar import Lidar, Measurement
 from sim.odometry import WheelOdometry
 from sim.paper_worlds import ENVIRONMENT_A_POSE, ENVIRONMENT_B_POSE, environment_a, environment_b
+from sim.people import people_beside
 from sim.person import Person
 from sim.random_rooms import random_pose, random_room, random_tour
 from sim.read_site import read_site
 from sim.robot import OmniRobot, Robot, Trajectory
-from sim.run import POOR_ODOMETRY, SimulatedRun, room_run
+from sim.run import ODOMETRIES, POOR_ODOMETRY, SimulatedRun, room_run
 from sim.site import Site
+from sim.site_run import site_run
 from sim.sites import BUILT_IN, find_site
 from sim.visibility import VisibleSections, visible_corners, visible_sections
 from sim.world import World
@@ -25,6 +27,7 @@ __all__ = [
     "EFFECTS",
     "ENVIRONMENT_A_POSE",
     "ENVIRONMENT_B_POSE",
+    "ODOMETRIES",
     "POOR_ODOMETRY",
     "AlphaOdometry",
     "Effects",
@@ -46,6 +49,7 @@ __all__ = [
     "find_site",
     "findings",
     "label_corners",
+    "people_beside",
     "random_pose",
     "random_room",
     "random_tour",
@@ -53,6 +57,7 @@ __all__ = [
     "room",
     "room_run",
     "room_waypoints",
+    "site_run",
     "visible_corners",
     "visible_sections",
 ]

@@ -1,12 +1,14 @@
 """A simulated run: frames as any source yields them, and the truth beside them."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from types import MappingProxyType
 
 import numpy as np
 
 from drivers.frame import Frame
 from features.se2 import Array
 from features.sensor import Mounting
+from sim.alpha_odometry import AlphaOdometry
 from sim.effects import Effects
 from sim.lidar import Lidar, Measurement
 from sim.odometry import Odometry, WheelOdometry
@@ -26,6 +28,27 @@ POOR_ODOMETRY = WheelOdometry(
     base_factor=0.985,
 )
 """A cheap robot: wheels a few percent too large, not quite of one size, and a wheel base that was measured badly."""
+
+ODOMETRIES: Mapping[str, Odometry] = MappingProxyType(
+    {
+        "exact": WheelOdometry(),
+        "good": WheelOdometry(
+            sigma_turn_per_radian=0.005,
+            sigma_turn_per_metre=0.002,
+            sigma_distance_per_metre=0.005,
+            sigma_distance_per_radian=0.002,
+            scale_left=1.002,
+            scale_right=1.0022,
+            base_factor=0.998,
+        ),
+        "poor": POOR_ODOMETRY,
+        # At 50 records per second the random errors of the poor one, and a slip of 5 cm every 10 m.
+        "slipping": AlphaOdometry(
+            alpha1=5e-3, alpha2=1.6e-3, alpha3=1e-2, alpha4=1.25e-3, slip_rate=0.1, slip_length=0.05
+        ),
+    }
+)
+"""Wheels by the name that the command line takes."""
 
 ROOM_ODOMETRY_RATE = 50.0
 """Odometry records of :func:`room_run` per second [Hz]."""
@@ -112,11 +135,17 @@ class SimulatedRun:
 
     def __iter__(self) -> Iterator[Frame]:
         """Yield the frames in the order of their stamps."""
+        for frame, _ in self.measured_frames():
+            yield frame
+
+    def measured_frames(self) -> Iterator[tuple[Frame, Measurement | None]]:
+        """Yield the frames, each that has a scan with the truth about its beams."""
         measurements = self.measurements()
         for index, stamp in enumerate(self.stamps.tolist()):
-            scan = next(measurements).scan if self.has_scan[index] else None
+            measurement = next(measurements) if self.has_scan[index] else None
             self._yielded = index + 1
-            yield Frame(stamp=stamp, pose_odom_robot=self.poses_odom_robot[index].copy(), scan=scan)
+            scan = None if measurement is None else measurement.scan
+            yield Frame(stamp, self.poses_odom_robot[index].copy(), scan), measurement
 
     def measurements(self) -> Iterator[Measurement]:
         """Yield the scans of the frames that have one, in their order, each with the truth about its beams."""

@@ -1,10 +1,14 @@
 """A simulated run through any world."""
 
+import numpy as np
+
 from features.se2 import Array
 from sim.check import open_ends
 from sim.drive import drive_through
 from sim.errors import WorldError
 from sim.lidar import Lidar
+from sim.odometry import Odometry
+from sim.people import people_beside
 from sim.robot import Robot
 from sim.run import POOR_ODOMETRY, SimulatedRun
 from sim.site import Site
@@ -14,9 +18,17 @@ ODOMETRY_RATE = 50.0
 
 
 def site_run(
-    site: Site, lidar: Lidar, sensor: str, seed: int, waypoints: Array | None = None, *, may_be_open: bool = False
+    site: Site,
+    lidar: Lidar,
+    sensor: str,
+    seed: int,
+    waypoints: Array | None = None,
+    *,
+    odometry: Odometry = POOR_ODOMETRY,
+    people: int = 0,
+    may_be_open: bool = False,
 ) -> SimulatedRun:
-    """Drive a robot with poor odometry through a world, clear of its walls.
+    """Drive a robot through a world, clear of its walls.
 
     Parameters
     ----------
@@ -25,12 +37,15 @@ def site_run(
     sensor : name of the sensor preset that fits the lidar.
     seed : of all randomness of the run.
     waypoints : path, world frame, shape (n, 2), n >= 2 [m].
+    odometry : errors of the wheels.
+    people : how many are about, see :func:`sim.people.people_beside`.
     may_be_open : whether outlines may have open ends.
 
     Raises
     ------
     WorldError
-        A wall is unusable, an outline is not closed, there is no path, or the robot does not get along it.
+        A wall is unusable, an outline is not closed, there is no path, the robot does not get along it, or there is
+        no room for people.
     """
     world = site.world()
     found = [] if may_be_open else open_ends(site.walls)
@@ -44,12 +59,16 @@ def site_run(
     if path is None:
         raise WorldError(f"world {site.name!r} has no path: give one with --path")
     rate = lidar.rate * max(1, round(ODOMETRY_RATE / lidar.rate))
+    trajectory = drive_through(world, path, Robot(), rate)
+    # Not one of the two that the run makes of its seed for itself.
+    rng = np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(2,)))
     return SimulatedRun(
         name=site.name,
         world=world,
         lidar=lidar,
         sensor=sensor,
-        trajectory=drive_through(world, path, Robot(), rate),
-        odometry=POOR_ODOMETRY,
+        trajectory=trajectory,
+        odometry=odometry,
         seed=seed,
+        people=people_beside(world, trajectory.poses_world_robot, people, rng),
     )

@@ -101,7 +101,7 @@ def demo(
         save(folder, "Simulated room", replace(result, metrics=metrics), error)
     rmse = evaluation.landmark_rmse_m
     typer.echo(
-        f"ATE {evaluation.ate_rmse_m:.4f} m (odometry alone {evaluation.odometry_ate_rmse_m:.3f} m), "
+        f"ATE {evaluation.ate_rmse_m:.4f} m (wheels alone {evaluation.wheels_ate_rmse_m:.3f} m), "
         f"landmark RMSE {'unknown' if rmse is None else f'{rmse:.4f} m'}, "
         f"{evaluation.corners_mapped} of {evaluation.corners} corners of the room on the map"
     )

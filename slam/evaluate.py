@@ -111,13 +111,13 @@ class SimulationReport:
 
     Parameters
     ----------
-    ate_rmse_m, odometry_ate_rmse_m : of the final trajectory and of odometry alone [m].
+    ate_rmse_m, wheels_ate_rmse_m : of the final trajectory and of the wheels alone [m].
     landmark_rmse_m : over the landmarks that are corners of the world [m]; None where there are none.
     corners, corners_mapped : corners of the world, and how many of them are on the map.
     """
 
     ate_rmse_m: float
-    odometry_ate_rmse_m: float
+    wheels_ate_rmse_m: float
     landmark_rmse_m: float | None
     corners: int
     corners_mapped: int
@@ -131,7 +131,7 @@ def evaluate_simulated(source: "SimulatedRun", result: SlamResult) -> Simulation
     rmse, mapped = _landmark_errors(corners, transform(absolute.pose_truth_estimate, result.landmarks.positions))
     return SimulationReport(
         ate_rmse_m=absolute.rmse_m,
-        odometry_ate_rmse_m=ate(truth, result.wheel_odometry).rmse_m,
+        wheels_ate_rmse_m=ate(truth, result.wheel_odometry).rmse_m,
         landmark_rmse_m=rmse,
         corners=len(corners),
         corners_mapped=mapped,

@@ -13,9 +13,9 @@ from features.feature import Corners
 from features.scan import LaserScan
 from features.se2 import Array, Pose, wrap_angle
 from features.sensor import SensorModel
-from slam.association import Association, Gates, Signatures, associate, associate_identified, similar
+from slam.association import Association, Gates, Signatures, associate, associate_identified
 from slam.ekf import POSE_DIM, LandmarkEkf, corner_jacobian_blocks
-from slam.landmark import GONE, LandmarkTable
+from slam.landmark import GONE, LOCAL, LandmarkTable
 from slam.visibility import seen_through, similar_pairs
 
 Indices = NDArray[np.int64]
@@ -129,22 +129,26 @@ class FrontEnd:
         return merged
 
     def rest(self, key_frame: int, seen: Indices) -> None:
-        """Lay landmarks far from the robot to rest in a key frame that is here; none ``seen`` just now."""
-        positions_robot = self.ekf.positions_robot()
-        far = np.hypot(positions_robot[:, 0], positions_robot[:, 1]) > self._keep_distance
-        far &= ~_among(self.local, seen)
-        slots = np.flatnonzero(far)
-        if not slots.size:
+        """Settle the landmarks ``seen`` from a key frame that is here, and lay those far from the robot to rest.
+
+        A landmark that no key frame has seen settles here.
+        """
+        if not self.local.size:
             return
-        _, cov = self.ekf.relative()
+        table = self.table
+        positions_robot, cov = self.ekf.relative()
+        seen_now = _among(self.local, seen)
+        slots = np.flatnonzero(seen_now | (table.homes[self.local] == LOCAL))
         blocks = 2 * slots[:, None] + np.arange(2)
         covs = cov[blocks[:, :, None], blocks[:, None, :]]
-        self.table.rest(self.local[slots], key_frame, self.ekf.x[2], positions_robot[slots], covs)
+        table.settle(self.local[slots], key_frame, self.ekf.x[2], positions_robot[slots], covs)
+        far = ~seen_now & (np.hypot(positions_robot[:, 0], positions_robot[:, 1]) > self._keep_distance)
+        table.rest(self.local[far])
         self._drop(far)
 
     def rebase(self, pose_world_robot: Pose, cov: Array) -> None:
         """Put the robot where the graph has it; the landmarks near it go along."""
-        self.table.turn(self.local, wrap_angle(float(pose_world_robot[2] - self.ekf.x[2])))
+        self.table.rebase(self.local, wrap_angle(float(pose_world_robot[2] - self.ekf.x[2])))
         self.ekf.rebase(pose_world_robot, cov)
 
     def wake(self, poses_world_robot: Array, key_frames: Indices, cov: Array) -> None:

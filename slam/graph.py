@@ -50,6 +50,11 @@ class LandmarkGraph:
         return len(self._observations)
 
     @property
+    def closures(self) -> tuple[Closure, ...]:
+        """Closures that were appended so far, revoked ones too."""
+        return tuple(self._closures)
+
+    @property
     def poses_world_robot(self) -> Array:
         """Poses of the key frames by all that :meth:`update` has taken in, shape (n, 3)."""
         if self._moved and self._isam is not None:

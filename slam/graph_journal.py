@@ -27,11 +27,6 @@ class JournaledGraph(LandmarkGraph):
     def __reduce__(self) -> tuple[type, tuple[Any, ...]]:
         return JournaledGraph, (self._cauchy_scale, tuple(self._journal))
 
-    @property
-    def closures(self) -> int:
-        """How many closures were added."""
-        return sum(name == "add_closure" for name, _ in self._journal)
-
     def add_key_frame(
         self, pose_world_robot: Pose, motion: Pose, motion_cov: Array, observations: Observations
     ) -> None:

@@ -40,8 +40,8 @@ class LandmarkCounts:
 class LandmarkTable:
     """Every landmark by its index.
 
-    A landmark is in the filter's state or at rest; at rest it is known from a key frame, so that it moves with it when
-    the graph does.
+    A landmark is in the filter's state or at rest; at rest it is known from a key frame, the last one that saw it, so
+    that it moves with it when the graph does and is found again where it was seen.
 
     Attributes
     ----------
@@ -51,7 +51,10 @@ class LandmarkTable:
     misses : times each should have been seen, but the beams went through its place, shape (n,).
     key_frames : key frame that a landmark at rest is known from, or :data:`LOCAL`, :data:`MERGED`, :data:`GONE`,
         shape (n,).
-    positions, covs : of a landmark at rest, robot frame of its key frame, shapes (n, 2) [m] and (n, 2, 2) [m^2].
+    homes : key frame that saw each landmark last, :data:`LOCAL` where none has yet, shape (n,).
+    headings : of the robot at home, in the frame that the orientations of landmarks in the state are told in, shape
+        (n,) [rad].
+    positions, covs : as seen from home, robot frame, shapes (n, 2) [m] and (n, 2, 2) [m^2].
     """
 
     def __init__(self) -> None:
@@ -61,6 +64,8 @@ class LandmarkTable:
         self.observations: Indices = np.empty(0, np.int64)
         self.misses: Indices = np.empty(0, np.int64)
         self.key_frames: Indices = np.empty(0, np.int64)
+        self.homes: Indices = np.empty(0, np.int64)
+        self.headings: Array = np.empty(0)
         self.positions: Array = np.empty((0, 2))
         self.covs: Array = np.empty((0, 2, 2))
         self._rested = self._woken = 0
@@ -106,6 +111,8 @@ class LandmarkTable:
         self.observations = np.concatenate([self.observations, np.ones(count, np.int64)])
         self.misses = np.concatenate([self.misses, np.zeros(count, np.int64)])
         self.key_frames = np.concatenate([self.key_frames, np.full(count, LOCAL)])
+        self.homes = np.concatenate([self.homes, np.full(count, LOCAL)])
+        self.headings = np.concatenate([self.headings, np.full(count, np.nan)])
         self.positions = np.concatenate([self.positions, np.full((count, 2), np.nan)])
         self.covs = np.concatenate([self.covs, np.full((count, 2, 2), np.nan)])
         return np.arange(first, len(self))
@@ -115,18 +122,24 @@ class LandmarkTable:
         self._sums[landmarks] += _signature(corners_robot, chosen, heading)
         self.observations[landmarks] += 1
 
-    def rest(self, landmarks: Indices, key_frame: int, heading: float, positions_robot: Array, covs: Array) -> None:
-        """Lay landmarks to rest in a key frame of that heading, at positions (k, 2), covariances (k, 2, 2)."""
-        self._rested += len(landmarks)
-        self.turn(landmarks, -heading)
-        self.key_frames[landmarks] = key_frame
+    def settle(self, landmarks: Indices, key_frame: int, heading: float, positions_robot: Array, covs: Array) -> None:
+        """Remember where landmarks are from a key frame of that heading: positions (k, 2), covariances (k, 2, 2)."""
+        self.homes[landmarks] = key_frame
+        self.headings[landmarks] = heading
         self.positions[landmarks] = positions_robot
         self.covs[landmarks] = covs
+
+    def rest(self, landmarks: Indices) -> None:
+        """Lay landmarks that have a home to rest there."""
+        self._rested += len(landmarks)
+        self.turn(landmarks, -self.headings[landmarks])
+        self.key_frames[landmarks] = self.homes[landmarks]
 
     def wake(self, landmarks: Indices, headings: Array) -> None:
         """Take landmarks from rest into the state, where their key frames have these headings."""
         self._woken += len(landmarks)
         self.turn(landmarks, headings)
+        self.headings[landmarks] = headings
         self.key_frames[landmarks] = LOCAL
 
     def turn(self, landmarks: Indices, angle: Array | float) -> None:
@@ -136,11 +149,19 @@ class LandmarkTable:
         self._sums[landmarks, 1] = c * x - s * y
         self._sums[landmarks, 2] = s * x + c * y
 
+    def rebase(self, landmarks: Indices, angle: float) -> None:
+        """Turn the frame of landmarks in the state [rad]."""
+        self.turn(landmarks, angle)
+        self.headings[landmarks] += angle
+
     def merge(self, kept: int, other: int) -> None:
         """Take two landmarks for one."""
         self._sums[kept] += self._sums[other]
         self.observations[kept] += self.observations[other]
         self.misses[kept] += self.misses[other]
+        if self.homes[other] > self.homes[kept]:
+            for column in (self.homes, self.headings, self.positions, self.covs):
+                column[kept] = column[other]
         self.key_frames[other] = MERGED
 
 

@@ -2,6 +2,7 @@
 
 import logging
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -21,9 +22,10 @@ from slam.drifting_pose import Anchor
 from slam.ekf import LandmarkEkf
 from slam.errors import ConfigError, DivergedError
 from slam.front_end import FrontEnd
-from slam.graph import GraphEstimate
+from slam.graph import Closure, GraphEstimate
 from slam.graph_journal import JournaledGraph
 from slam.key_frame import KeyFrame, View
+from slam.landmark import LandmarkTable
 from slam.loop_closing import LoopCloser
 from slam.observed import observed_points
 from slam.parts import gates, line_odometry, loop_rules
@@ -115,6 +117,16 @@ class Slam:
     def key_frame_records(self) -> NDArray[np.int64]:
         """Number of the record of each key frame, shape (k,)."""
         return np.array([key_frame.record for key_frame in self._key_frames], np.int64)
+
+    @property
+    def closures(self) -> Sequence[Closure]:
+        """Closures that entered the graph so far."""
+        return self._graph.closures
+
+    @property
+    def landmark_table(self) -> LandmarkTable:
+        """What is known of every landmark so far, to look at."""
+        return self._front.table
 
     @property
     def estimate(self) -> GraphEstimate:

@@ -147,7 +147,7 @@ def _legend(result: SlamResult, magnification: int) -> list[Line2D]:
     return [
         *(walls if not only_points else []),
         entry("trajectory", color=PATH),
-        entry("odometry alone", color=ODOMETRY, linestyle="--"),
+        entry("wheels alone", color=ODOMETRY, linestyle="--"),
         entry("start", color=PATH, marker="o", linestyle=""),
         entry("end", color=PATH, marker="s", linestyle=""),
         *(points if only_points else corners),

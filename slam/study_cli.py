@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 import typer
 
 from slam.cli_options import LOG, OdomTopic, ScanTopic
+from slam.world_cli import EffectsOption, OdometryOption, People
 
 if TYPE_CHECKING:
     from distributed import Client
@@ -83,7 +84,12 @@ def consistency(
 @study.command()
 def slam(
     seeds: Annotated[int, typer.Option("--seeds", min=1, help="Simulated runs, each with a seed of its own.")] = 100,
-    world: Annotated[str, typer.Option("--world", help="What the robot drives through: room.")] = "room",
+    world: Annotated[
+        str, typer.Option("--world", help="What the robot drives through: name of a built-in world, or file.")
+    ] = "room",
+    effects: EffectsOption = "ideal",
+    odometry: OdometryOption = "poor",
+    people: People = 0,
     config: Annotated[
         Path | None, typer.Option("--config", help="TOML file with any of the keys that `cwlf-slam config` prints.")
     ] = None,
@@ -97,13 +103,22 @@ def slam(
     overwrite: Overwrite = False,
 ) -> None:
     """Run the whole pipeline on simulated runs: errors, NEES, NIS, associations and duplicates against the truth."""
-    from slam.study.monte_carlo import MonteCarloSettings, world_config
+    from slam.study.monte_carlo import MonteCarloSettings, simulated_run, study_config
     from slam.study.report import failed, study_slam
 
     settings = MonteCarloSettings(
-        world=world, seeds=seeds, scans=limit or 0, seed=seed, config=world_config(world, config)
+        world=world,
+        effects=effects,
+        odometry=odometry,
+        people=people,
+        seeds=seeds,
+        scans=limit or 0,
+        seed=seed,
+        config=study_config(config),
     )
-    with _begun("slam", f"slam-{world}", settings, out, overwrite, scheduler, workers) as (client, folder):
+    # What is wrong with the world is told at once, and once.
+    name = simulated_run(settings, seed).name
+    with _begun("slam", f"slam-{name}", settings, out, overwrite, scheduler, workers) as (client, folder):
         lines, failures = study_slam(client, folder, settings)
         _print(lines, folder)
         if failures:

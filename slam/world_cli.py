@@ -19,6 +19,18 @@ world = typer.Typer(
     add_completion=False,
 )
 
+EffectsOption = Annotated[
+    Literal["ideal", "rplidar-s1", "sick-lms"],
+    typer.Option(
+        "--effects",
+        help="What the scanner does beside the noise of the paper, such as motion during a sweep, mixed pixels, lost "
+        "beams, glass and steps: that of a sensor, or ideal, nothing.",
+    ),
+]
+OdometryOption = Annotated[
+    Literal["exact", "good", "poor", "slipping"], typer.Option("--odometry", help="Errors of the wheels.")
+]
+People = Annotated[int, typer.Option("--people", min=0, help="People who go to and fro beside the path.")]
 Name = Annotated[str, typer.Argument(help="Name of a built-in world, or file.", show_default=False)]
 
 
@@ -72,13 +84,18 @@ def simulate(
         typer.Option("--path", help="Waypoints: lines x,y or JSON; default: the world's path.", show_default=False),
     ] = None,
     sensor: Annotated[str, typer.Option("--sensor", help="Sensor preset: rplidar-s1 or sick-lms.")] = "rplidar-s1",
+    effects: EffectsOption = "ideal",
+    odometry: OdometryOption = "poor",
+    people: People = 0,
     seed: Annotated[int, typer.Option("--seed", min=0, help="Seed of all that is random.")] = 1,
     may_be_open: Annotated[bool, typer.Option("--open", help="Drive although outlines are not closed.")] = False,
     overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace a file that is there.")] = False,
 ) -> None:
-    """Drive a robot with poor odometry through a world; record what it measures, and the truth."""
+    """Drive a robot through a world; record what it measures, and the truth."""
     from drivers.recorder import Recorder
+    from sim.effects import EFFECTS
     from sim.lidar import Lidar
+    from sim.run import ODOMETRIES
     from sim.site_run import site_run
     from sim.sites import find_site
     from sim.waypoints import read_waypoints
@@ -87,12 +104,21 @@ def simulate(
     from slam.progress import RunProgress
 
     try:
-        lidar = Lidar.of_preset(sensor)
+        lidar = Lidar.of_preset(sensor, effects=EFFECTS[effects])
     except ValueError as error:
         raise ConfigError(f"--sensor: {error}") from None
     site = find_site(world_name)
     waypoints = None if path is None else read_waypoints(path)
-    source = site_run(site, lidar, sensor, seed, waypoints, may_be_open=may_be_open)
+    source = site_run(
+        site,
+        lidar,
+        sensor,
+        seed,
+        waypoints,
+        odometry=ODOMETRIES[odometry],
+        people=people,
+        may_be_open=may_be_open,
+    )
     recorder = Recorder(
         out,
         name=source.name,

@@ -1,5 +1,6 @@
 """Many simulated runs of the whole pipeline: how large its errors are, and whether they are as large as it claims."""
 
+import hashlib
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -8,12 +9,17 @@ import numpy as np
 from pydantic import BaseModel, ConfigDict, Field
 
 from features.se2 import Array
+from sim import EFFECTS, ODOMETRIES, Lidar, SimulatedRun, Site, find_site, site_run
 from slam.config import SlamConfig, load_config
 from slam.ekf import POSE_DIM
 from slam.errors import StudyError
 from slam.metrics import mean_interval
-from slam.study.simulated import INSTANTS, WORLDS, simulate
+from slam.study.bars import bars, bars_table
+from slam.study.simulated import INSTANTS, simulate
 from slam.study.tasks import Failure
+
+SENSOR = "rplidar-s1"
+"""Preset of the sensor that the robot of a study carries."""
 
 FIGURES: Mapping[str, tuple[str, float, str, bool]] = {
     "ate_online_m": ("ATE, online", 1e3, "mm", True),
@@ -22,13 +28,32 @@ FIGURES: Mapping[str, tuple[str, float, str, bool]] = {
     "association_precision": ("association precision", 100.0, "%", False),
     "association_recall": ("association recall", 100.0, "%", False),
     "landmarks": ("landmarks", 1.0, "", True),
-    "duplicates": ("duplicates", 1.0, "", True),
+    "duplicates_share": ("duplicates, of the landmarks", 100.0, "%", True),
     "false_landmarks": ("landmarks that are no corner", 1.0, "", True),
+    "landmarks_born": ("landmarks ever born", 1.0, "", True),
+    "landmarks_merged": ("of these, merged", 1.0, "", True),
+    "landmarks_ended": ("of these, ended", 1.0, "", True),
+    "closures": ("closures accepted", 1.0, "", False),
+    "closures_revoked": ("of these, revoked", 1.0, "", True),
+    "closures_false": ("false closures left", 1.0, "", True),
 }
 """What is summarised over the runs: label, factor and unit of its display, and whether less is better."""
 
 TRACES: Mapping[str, str] = {"nees_ekf": "filter", "nees_graph": "graph"}
 """Poses whose NEES is followed over the runs."""
+
+RUN_NEES: Mapping[str, tuple[str, int]] = {
+    "landmark_nees": ("landmarks", 2),
+    "closure_nees": ("closures", POSE_DIM),
+}
+"""NEES of which each run has one mean: label and degrees of freedom."""
+
+
+def site_digest(site: Site) -> str:
+    """Digest of walls, glass and path."""
+    digest = hashlib.sha256(site.walls.tobytes() + site.glass.tobytes())
+    digest.update(b"" if site.waypoints is None else site.waypoints.tobytes())
+    return digest.hexdigest()[:16]
 
 
 class MonteCarloSettings(BaseModel):
@@ -36,32 +61,51 @@ class MonteCarloSettings(BaseModel):
 
     model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
 
-    world: str = Field(description=f"what is driven through: {', '.join(WORLDS)}")
+    world: str = Field(description="what is driven through: built in, random-room-SEED, or a file")
+    world_digest: str = Field(
+        default_factory=lambda given: site_digest(find_site(given["world"])),
+        description="of its walls and path, as a file may change from one run to the next",
+    )
+    effects: str = Field(default="ideal", description=f"what the scanner does beside: {', '.join(EFFECTS)}")
+    odometry: str = Field(default="poor", description=f"errors of the wheels: {', '.join(ODOMETRIES)}")
+    people: int = Field(default=0, ge=0, description="who go to and fro beside the path")
     seeds: int = Field(ge=1, description="runs, each with a seed of its own")
     scans: int = Field(default=0, ge=0, description="a run stops after so many scans; 0: at its end")
     seed: int = Field(default=1, ge=0, description="of the study; those of the runs are made of it")
     config: SlamConfig = Field(description="of every run")
 
 
-def world_config(world: str, path: Path | None) -> SlamConfig:
-    """Put a configuration together: that of the sensor that drives through a world, over it a TOML file.
+def study_config(path: Path | None = None) -> SlamConfig:
+    """Put a configuration together: that of the sensor that the robot of a study carries, over it a TOML file.
 
     Raises
     ------
-    StudyError
-        There is no such world.
     ConfigError
         See :func:`slam.config.load_config`.
     """
-    if world not in WORLDS:
-        raise StudyError(f"there is no world {world!r} to simulate: known are {', '.join(WORLDS)}")
-    source = WORLDS[world](0)
-    return load_config(path, source_preset=source.sensor, source_mounting=source.mounting)
+    return load_config(path, source_preset=SENSOR)
+
+
+def simulated_run(settings: MonteCarloSettings, seed: int) -> SimulatedRun:
+    """Make the run of a seed.
+
+    Raises
+    ------
+    WorldError
+        See :func:`sim.find_site` and :func:`sim.site_run`.
+    StudyError
+        The world is not the one that the study was begun with.
+    """
+    site = find_site(settings.world)
+    if site_digest(site) != settings.world_digest:
+        raise StudyError(f"world {settings.world!r} is not the one that the study was begun with")
+    lidar = Lidar.of_preset(SENSOR, effects=EFFECTS[settings.effects])
+    return site_run(site, lidar, SENSOR, seed, odometry=ODOMETRIES[settings.odometry], people=settings.people)
 
 
 def run_task(settings: MonteCarloSettings, task: int, seed: int) -> dict[str, Any]:
     """Do one run; see :func:`slam.study.simulated.simulate`."""
-    result = simulate(WORLDS[settings.world](seed), settings.config, settings.scans)
+    result = simulate(simulated_run(settings, seed), settings.config, settings.scans)
     return result | {"row": {"run": task, "seed": seed} | result["row"]}
 
 
@@ -108,11 +152,12 @@ def monte_carlo_summary(
 ) -> dict[str, Any]:
     """Summary of all runs.
 
-    NEES of the pose: mean over runs and instants, beside the interval that holds the mean over as many independent runs
-    at one instant with 95 %, and the share of the instants whose mean it holds. Instants of a run depend on each other,
-    so for the mean over them too the interval is wide rather than narrow. NIS: mean per degree of freedom; innovations
-    are independent, so the interval is that of all of them. Anything else: mean, the value that 95 % of the runs do not
-    exceed (or do not fall short of, where more is better), and the worst.
+    NEES: mean over the runs and over what each has of it (instants of the pose, landmarks, closures), beside the
+    interval that holds the mean over as many independent values as there are runs with 95 %; for the pose also the
+    share of the instants whose mean it holds. What a run has of it depends on each other, so for the mean over that too
+    the interval is wide rather than narrow. NIS: mean per degree of freedom; innovations are independent, so the
+    interval is that of all of them. Anything else: mean, the value that 95 % of the runs do not exceed (or do not fall
+    short of, where more is better), and the worst.
     """
     rows = [result["row"] for result in results]
     nis, dof = (sum(row[name] for row in rows) for name in ("nis", "nis_dof"))
@@ -121,22 +166,32 @@ def monte_carlo_summary(
         "runs": len(rows),
         "failures": [{"run": of.task, "seed": of.seed, "error": of.error} for of in failures],
         "graph_not_converged": sum(not row["graph_converged"] for row in rows),
-        "pose_nees": {
-            label: {
-                "runs": len(of_runs),
-                "mean": float(of_runs.mean()),
-                "expected": POSE_DIM,
-                "interval_95": list(mean_interval(POSE_DIM, len(of_runs))),
-                "instants_inside": float(np.mean([_inside(mean, len(of_runs)) for mean in of_runs.mean(axis=0)])),
-            }
-            for name, label in TRACES.items()
-            if len(of_runs := _trace(results, name))
-        },
+        "nees": _pose_nees(results) | _run_nees(rows),
         "nis": {"dof": dof, "mean": nis / dof, "expected": 1, "interval_95": [x / dof for x in mean_interval(dof, 1)]}
         if dof
         else None,
         "figures": {name: _spread([row[name] for row in rows], less) for name, (_, _, _, less) in FIGURES.items()},
     }
+
+
+def _pose_nees(results: Sequence[Mapping[str, Any]]) -> dict[str, dict[str, Any]]:
+    return {
+        f"pose, {label}": _nees(of_runs, POSE_DIM)
+        | {"instants_inside": float(np.mean([_inside(mean, len(of_runs)) for mean in of_runs.mean(axis=0)]))}
+        for name, label in TRACES.items()
+        if len(of_runs := _trace(results, name))
+    }
+
+
+def _run_nees(rows: Sequence[Mapping[str, Any]]) -> dict[str, dict[str, Any]]:
+    known = {name: [row[name] for row in rows if row[name] is not None] for name in RUN_NEES}
+    return {label: _nees(np.array(known[name]), dof) for name, (label, dof) in RUN_NEES.items() if known[name]}
+
+
+def _nees(of_runs: Array, dof: int) -> dict[str, Any]:
+    """Mean over runs, the first axis, beside the interval of the mean over as many independent values."""
+    interval = list(mean_interval(dof, len(of_runs)))
+    return {"runs": len(of_runs), "mean": float(of_runs.mean()), "expected": dof, "interval_95": interval}
 
 
 def _inside(mean: float, runs: int) -> bool:
@@ -169,7 +224,7 @@ def monte_carlo_table(summary: Mapping[str, Any]) -> list[list[str]]:
 def consistency_table(summary: Mapping[str, Any]) -> list[list[str]]:
     """Cells of what tells whether the covariances hold, a heading first."""
     cells = [["", "mean", "right", "95 % interval", "instants inside"]]
-    named = {f"pose NEES, {label}": of for label, of in summary["pose_nees"].items()}
+    named = {f"NEES of {label}": of for label, of in summary["nees"].items()}
     if summary["nis"] is not None:
         named["NIS per degree of freedom"] = summary["nis"]
     for label, of in named.items():
@@ -182,6 +237,6 @@ def consistency_table(summary: Mapping[str, Any]) -> list[list[str]]:
 def monte_carlo_lines(summary: Mapping[str, Any]) -> list[str]:
     """Lay the summary out for a terminal."""
     lines = [f"{summary['runs']} runs through {summary['world']}, {len(summary['failures'])} failed"]
-    for cells in (monte_carlo_table(summary), consistency_table(summary)):
+    for cells in (monte_carlo_table(summary), consistency_table(summary), bars_table(bars(summary))):
         lines += [f"{row[0]:<30}" + "".join(f"{cell:>18}" for cell in row[1:]) for row in cells]
     return lines

@@ -85,7 +85,6 @@ def _draw_associations(axes: Axes, rows: Rows) -> None:
         ("association_recall", "recall", BLUE, "x"),
     ):
         axes.plot(runs, 100.0 * _column(rows, name), marker, color=color, label=label)
-    duplicates = 100.0 * _column(rows, "duplicates") / np.maximum(1.0, _column(rows, "landmarks"))
-    axes.plot(runs, duplicates, "+", color=RED, label="duplicates, of the landmarks")
+    axes.plot(runs, 100.0 * _column(rows, "duplicates_share"), "+", color=RED, label="duplicates, of the landmarks")
     axes.set(xlabel="run", ylabel="[%]", ylim=(-4.0, 104.0))
     axes.legend(loc="center right")

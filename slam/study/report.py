@@ -8,6 +8,7 @@ from distributed import Client
 
 from slam.errors import RunFolderError, StudyError
 from slam.progress import RunProgress
+from slam.study.bars import bars, bars_table
 from slam.study.consistency import (
     ConsistencySettings,
     consistency_lines,
@@ -110,7 +111,8 @@ def study_slam(client: Client, folder: Path, settings: MonteCarloSettings) -> tu
     write_json(folder / "summary.json", summary)
     _draw(draw_monte_carlo, folder / "slam.png", summary, rows, traces)
     lines = monte_carlo_lines(summary)
-    tables = (markdown_table(cells[0], cells[1:]) for cells in (monte_carlo_table(summary), consistency_table(summary)))
+    cells = monte_carlo_table(summary), consistency_table(summary), bars_table(bars(summary))
+    tables = (markdown_table(of[0], of[1:]) for of in cells)
     write_text(folder / "page.md", "\n\n".join([f"# {lines[0]}", *tables, "![Runs](slam.png)"]) + "\n")
     return lines, outcome.failures
 

@@ -16,7 +16,7 @@ from pydantic import BaseModel, ConfigDict
 
 from slam.errors import RunFolderError, StudyError
 from slam.study.journal import discard
-from slam.study.monte_carlo import MonteCarloSettings, run_task, world_config
+from slam.study.monte_carlo import MonteCarloSettings, run_task, study_config
 from slam.study.output import markdown_table
 from slam.study.page import fill
 from slam.study.tasks import pool, run_tasks, task_seed
@@ -152,7 +152,7 @@ def _rounds(folder: Path, cores: int, count: int) -> list[Round]:
 
 def _rate(client: Client, folder: Path, count: int) -> float:
     """Do so many runs; return how many a second [1/s]."""
-    settings = MonteCarloSettings(world="room", seeds=count, config=world_config("room", None))
+    settings = MonteCarloSettings(world="room", seeds=count, config=study_config())
     discard(folder)
     began = time.monotonic()
     outcome = run_tasks(client, folder, "slam", settings, run_task, count)
@@ -193,7 +193,7 @@ def _overhead_s(folder: Path, workers: int) -> float:
 
 def _result_bytes() -> int:
     """Bytes of what one run yields."""
-    settings = MonteCarloSettings(world="room", seeds=1, config=world_config("room", None))
+    settings = MonteCarloSettings(world="room", seeds=1, config=study_config())
     return len(json.dumps(run_task(settings, 0, task_seed(settings.seed, 0))))
 
 

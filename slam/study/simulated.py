@@ -1,76 +1,24 @@
 """One simulated run through the whole pipeline, held against its truth: errors, consistency, associations."""
 
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from features.se2 import Array, Pose, between, transform, wrap_angle
-from sim import SimulatedRun, room_run
-from slam.association import Association
+from sim import SimulatedRun
 from slam.config import SlamConfig
 from slam.errors import DivergedError
-from slam.evaluate import CORNER_DISTANCE, evaluate_simulated
+from slam.evaluate import evaluate_simulated
+from slam.landmark import GONE, MERGED
 from slam.metrics import ate, nees
 from slam.pipeline import Slam
+from slam.result import LandmarkMap
+from slam.study.truth import AssociationScore, ClosureScore, true_corners
 from slam.trajectory import Trajectory
-
-WORLDS: Mapping[str, Callable[[int], SimulatedRun]] = {"room": room_run}
-"""Simulated runs by the name of their world; each is made from a seed."""
 
 INSTANTS = 20
 """A run is held against its truth so many times, at equal intervals, the last time at its end."""
-
-
-@dataclass(slots=True)
-class AssociationScore:
-    """Counts associations against the true corner of each observation.
-
-    A landmark is the corner whose observation it was born of. A match is right if its observation is of that corner; an
-    observation is known if some landmark was its corner already.
-
-    Parameters
-    ----------
-    matches, right : observations that were associated, and those of them that belong to their landmark.
-    known : observations of corners that were on the map.
-    corners : true corner of each landmark, -1 for none.
-    """
-
-    matches: int = 0
-    right: int = 0
-    known: int = 0
-    corners: list[int] = field(default_factory=list)
-
-    def count(self, association: Association, labels: NDArray[np.int64]) -> None:
-        """Count what became of the observations of one scan.
-
-        Parameters
-        ----------
-        association : of the observed corners.
-        labels : true corner of each observed one, -1 for none, shape (k,).
-        """
-        known = np.isin(labels, self.corners) & (labels >= 0)
-        of_landmarks = np.array(self.corners, dtype=np.int64)[association.landmarks]
-        matched = labels[association.corners]
-        self.matches += len(matched)
-        self.right += int(((matched == of_landmarks) & (matched >= 0)).sum())
-        self.known += int(known.sum())
-        self.corners += labels[association.new].tolist()
-
-
-def true_corners(corners_world: Array, positions_world: Array) -> NDArray[np.int64]:
-    """Corner of the world that each position is nearest to, -1 where it is none, shape (k,).
-
-    Parameters
-    ----------
-    corners_world : shape (n, 2) [m].
-    positions_world : observed corners as seen from the true pose, shape (k, 2) [m].
-    """
-    distances = np.linalg.norm(positions_world[:, None] - corners_world, axis=2)
-    nearest = distances.argmin(axis=1)
-    return np.where(distances[np.arange(len(nearest)), nearest] <= CORNER_DISTANCE, nearest, -1)
 
 
 def simulate(source: SimulatedRun, config: SlamConfig, scans: int = 0) -> dict[str, Any]:
@@ -98,11 +46,14 @@ def simulate(source: SimulatedRun, config: SlamConfig, scans: int = 0) -> dict[s
     errors: list[Pose] = []
     covs: list[Array] = []
     records = 0
-    for records, (frame, truth) in enumerate(zip(source, source.poses_world_robot, strict=True), start=1):
+    measured = zip(source.measured_frames(), source.poses_world_robot, strict=True)
+    for records, ((frame, measurement), truth) in enumerate(measured, start=1):
         step = slam.process(frame)
-        if step.association is not None and step.features is not None:
+        if step.association is not None and step.features is not None and measurement is not None:
             corners = step.features.corners.to_robot(source.mounting).positions
-            score.count(step.association, true_corners(source.world.corners, transform(truth, corners)))
+            seen_world = transform(truth, corners)
+            labels = true_corners(source.world, measurement, step.features, seen_world)
+            score.count(step.association, labels)
             if matches := len(step.association.corners):
                 nis += step.association.nis
                 nis_dof += 2 * matches
@@ -118,19 +69,31 @@ def simulate(source: SimulatedRun, config: SlamConfig, scans: int = 0) -> dict[s
     latest = np.searchsorted(updates, instants, side="right") - 1
     landmarks = np.array(score.corners)[result.landmarks.ids]
     genuine = landmarks[landmarks >= 0]
+    key_poses = source.poses_world_robot[slam.key_frame_records]
+    closures = ClosureScore.of(slam.closures, slam.estimate.revoked, key_poses)
+    lives = slam.landmark_table.key_frames
     row = {
         "ate_online_m": ate(Trajectory(source.stamps, source.poses_world_robot), result.trajectory_online).rmse_m,
         "ate_final_m": report.ate_rmse_m,
-        "ate_odometry_m": report.odometry_ate_rmse_m,
+        "ate_wheels_m": report.wheels_ate_rmse_m,
         "landmark_rmse_m": report.landmark_rmse_m,
         "nis": nis,
         "nis_dof": nis_dof,
         "association_precision": score.right / score.matches if score.matches else None,
         "association_recall": score.right / score.known if score.known else None,
         "landmarks": len(landmarks),
-        "duplicates": len(genuine) - len(set(genuine.tolist())),
+        "duplicates": (duplicates := len(genuine) - len(set(genuine.tolist()))),
+        "duplicates_share": duplicates / max(1, len(landmarks)),
         "false_landmarks": len(landmarks) - len(genuine),
         "corners_mapped": report.corners_mapped,
+        "landmark_nees": _landmark_nees(source, result.landmarks, landmarks),
+        "landmarks_born": len(lives),
+        "landmarks_merged": int((lives == MERGED).sum()),
+        "landmarks_ended": int((lives == GONE).sum()),
+        "closures": closures.accepted,
+        "closures_revoked": closures.revoked,
+        "closures_false": closures.false,
+        "closure_nees": float(closures.nees.mean()) if len(closures.nees) else None,
         "key_frames": result.metrics.key_frames,
         "graph_converged": result.metrics.graph_converged,
     }
@@ -139,6 +102,15 @@ def simulate(source: SimulatedRun, config: SlamConfig, scans: int = 0) -> dict[s
         "nees_ekf": nees(np.array(errors)[latest], np.array(covs)[latest]).tolist(),
         "nees_graph": _graph_nees(slam, source.poses_world_robot, instants),
     }
+
+
+def _landmark_nees(source: SimulatedRun, landmarks: LandmarkMap, corners: NDArray[np.int64]) -> float | None:
+    """Mean NEES of the landmarks that are corners, in the world frame, which is that of the first true pose."""
+    genuine = np.flatnonzero((corners >= 0) & np.isfinite(landmarks.covs).all(axis=(1, 2)))
+    if not len(genuine):
+        return None
+    errors = landmarks.positions[genuine] - source.world.corners[corners[genuine]]
+    return float(nees(errors, landmarks.covs[genuine]).mean())
 
 
 def _graph_nees(slam: Slam, poses_world_robot: Array, instants: Array) -> list[float] | None:

@@ -5,6 +5,8 @@ import itertools
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from drivers.frame import Frame, FrameSource
 from features.sensor import Mounting
@@ -181,6 +183,17 @@ def test_before_the_first_pose_the_robot_stood():
 def test_headings_are_interpolated_the_short_way_round():
     trajectory = Trajectory(1.0, np.array([[0.0, 0.0, 3.1], [0.0, 0.0, -3.1]]))
     assert abs(trajectory.at(np.array([0.5]))[0, 2]) == pytest.approx(np.pi)
+
+
+@given(st.lists(st.floats(-5.0, 70.0), max_size=6))
+def test_poses_at_times_are_those_between_all_poses(times):
+    """Against interpolation over the whole drive, which turns several times."""
+    trajectory = Robot().drive([(0.0, 0.0), (2.0, 0.0), (2.0, 2.0), (0.0, 2.0), (0.0, 0.0), (2.0, 0.0)], 20.0)
+    x, y, headings = trajectory.poses_world_robot.T
+    expected = [np.interp(times, trajectory.stamps, column) for column in (x, y, np.unwrap(headings))]
+    found = trajectory.at(np.array(times))
+    np.testing.assert_allclose(found[:, :2], np.column_stack(expected[:2]), atol=1e-9)
+    np.testing.assert_allclose(np.exp(1j * found[:, 2]), np.exp(1j * expected[2]), atol=1e-9)
 
 
 def test_measurements_are_the_scans_of_the_frames_with_their_truth():

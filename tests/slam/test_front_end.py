@@ -146,6 +146,19 @@ def test_only_what_is_near_wakes_and_only_from_the_key_frames_named():
     assert front.table.key_frames.tolist() == [LOCAL, LOCAL, 1]
 
 
+def test_a_landmark_rests_at_the_key_frame_that_saw_it_last_however_far_the_robot_goes_before_it_rests():
+    front = front_end()
+    _, seen = front.observe(corners([[2.0, 1.0]]))
+    front.rest(0, seen)
+    for key_frame in (1, 2, 3, 4):
+        front.move(pose(2.0, 0.0, 0.1), 1e-4 * np.eye(3))
+        front.rest(key_frame, NOTHING)
+    assert front.local.size == 0
+    assert front.table.key_frames.tolist() == [0]
+    np.testing.assert_allclose(front.table.positions[0], [2.0, 1.0], atol=1e-9)
+    np.testing.assert_allclose(front.table.covs[0], 0.05**2 * np.eye(2), atol=1e-9)  # nothing of the way since
+
+
 @unhurried
 @given(seeds, headings, headings)
 def test_a_front_end_that_is_put_elsewhere_sees_the_same_landmarks(seed, heading, new_heading):

@@ -42,12 +42,16 @@ def test_orientations_are_told_in_the_world(orientations, heading):
     assert np.isnan(table.positions).all()
 
 
-@given(angles, angles, angles, angles)
-def test_at_rest_an_orientation_turns_with_its_key_frame(orientation, heading, key_heading, key_heading_after):
+@given(angles, angles, angles, angles, angles)
+def test_at_rest_an_orientation_turns_with_its_key_frame(orientation, heading, key_heading, moved, key_heading_after):
+    """Also where the frame of the state was turned between home and rest."""
     table = table_of([orientation, orientation], heading)
     before = table.orientations
     landmark = np.array([1])
-    table.rest(landmark, 7, key_heading, np.array([[1.0, 2.0]]), np.eye(2)[None])
+    table.settle(landmark, 7, key_heading, np.array([[1.0, 2.0]]), np.eye(2)[None])
+    assert table.key_frames.tolist() == [LOCAL, LOCAL]
+    table.rebase(landmark, moved)
+    table.rest(landmark)
     assert table.key_frames.tolist() == [LOCAL, 7]
     np.testing.assert_array_equal(table.positions[1], [1.0, 2.0])
     np.testing.assert_allclose(wrap_angle(table.orientations[1] + key_heading - before[1]), 0.0, atol=1e-12)
@@ -61,7 +65,8 @@ def test_a_mean_goes_on_over_rest_and_wake():
     """Observations before the rest keep their weight."""
     table = table_of([0.2])
     table.see(np.array([0]), corners([[0.0, 0.0]], orientations=0.4), np.array([0]), 0.0)
-    table.rest(np.array([0]), 0, 1.0, np.zeros((1, 2)), np.eye(2)[None])
+    table.settle(np.array([0]), 0, 1.0, np.zeros((1, 2)), np.eye(2)[None])
+    table.rest(np.array([0]))
     table.wake(np.array([0]), np.array([2.0]))
     table.see(np.array([0]), corners([[0.0, 0.0]], orientations=0.3), np.array([0]), 1.0)
     assert table.orientations == pytest.approx([1.3], abs=1e-12)
@@ -80,3 +85,27 @@ def test_merged_landmarks_count_together():
     assert table.opening_angles[0] == pytest.approx((math.pi + 1.2) / 3.0)
     assert table.key_frames.tolist() == [LOCAL, LOCAL, MERGED]
     assert len(table) == 3
+
+
+@pytest.mark.parametrize("later", [0, 1])
+def test_a_merged_landmark_lives_where_one_of_the_two_was_seen_last(later):
+    table = table_of([0.0, 0.0])
+    for landmark, key_frame in ((later, 9), (1 - later, 4)):
+        place = np.full((1, 2), float(key_frame))
+        table.settle(np.array([landmark]), key_frame, 0.1 * key_frame, place, key_frame * np.eye(2)[None])
+    table.merge(0, 1)
+    assert (table.homes[0], table.headings[0]) == (9, pytest.approx(0.9))
+    assert table.positions[0].tolist() == [9.0, 9.0]
+    assert table.covs[0].tolist() == [[9.0, 0.0], [0.0, 9.0]]
+
+
+def test_a_woken_landmark_that_is_not_seen_goes_back_to_rest_as_it_was():
+    table = table_of([0.4])
+    table.settle(np.array([0]), 3, 1.0, np.array([[1.0, 2.0]]), np.eye(2)[None])
+    table.rest(np.array([0]))
+    before = table.orientations
+    table.wake(np.array([0]), np.array([1.5]))
+    table.rebase(np.array([0]), 0.2)
+    table.rest(np.array([0]))
+    assert table.key_frames.tolist() == [3]
+    assert table.orientations == pytest.approx(before, abs=1e-12)

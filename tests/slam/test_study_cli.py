@@ -14,7 +14,7 @@ from sim import Lidar, SimulatedRun, room, room_run
 from slam.cli import main
 from slam.errors import DivergedError
 from slam.study import simulated
-from slam.study.monte_carlo import world_config
+from slam.study.monte_carlo import study_config
 from slam.study.tasks import task_seed
 
 Call = Callable[..., tuple[int, str, str]]
@@ -82,7 +82,9 @@ def test_a_scheduler_that_is_not_there_is_one_line(cwlf: Call, tmp_path: Path, m
 def test_a_world_that_is_not_there_is_one_line(cwlf: Call, tmp_path: Path) -> None:
     code, _, err = cwlf("study", "slam", "--world", "moon", "--out", tmp_path / "study")
     assert code == 1
-    assert err.strip() == "cwlf-slam: there is no world 'moon' to simulate: known are room"
+    assert err.startswith("cwlf-slam: no world and no file 'moon': built in are room, ")
+    assert len(err.splitlines()) == 1
+    assert not (tmp_path / "study").exists()
 
 
 def test_an_interrupted_study_says_how_to_go_on(
@@ -107,11 +109,12 @@ def test_a_run_that_fails_is_told_and_the_others_are_summarised(
     cwlf: Call, client: Client, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def simulate(source: SimulatedRun, *_: object) -> dict[str, object]:
-        if source.name == f"room-{task_seed(1, 1)}":
+        if source.poses_odom_robot[-1].tolist() == lost:
             raise DivergedError("lost")
         return done
 
-    done = simulated.simulate(room_run(1), world_config("room", None), 5)
+    lost = room_run(task_seed(1, 1)).poses_odom_robot[-1].tolist()
+    done = simulated.simulate(room_run(1), study_config(), 5)
     monkeypatch.setattr("slam.study.monte_carlo.simulate", simulate)
     folder = tmp_path / "study"
     code, out, err = cwlf("study", "slam", "--seeds", 3, "--out", folder, "--scheduler", client.scheduler.address)

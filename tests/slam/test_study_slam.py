@@ -1,30 +1,41 @@
 """Simulated runs against their truth: scores by hand, statistics against what they are of, and the summary."""
 
+import itertools
+import json
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 from scipy.stats import chi2
 
-from features.se2 import between
-from sim import room_run
+from features import extract, sensor_preset
+from features.se2 import between, pose, transform
+from sim import EFFECTS, Lidar, find_site, room_run, site_run
 from slam.association import Association, associate
+from slam.errors import StudyError
 from slam.evaluate import evaluate_simulated
+from slam.graph import Closure
 from slam.metrics import ate, mean_interval, nees
 from slam.pipeline import Slam
+from slam.study.bars import bars
 from slam.study.monte_carlo import (
     MonteCarloSettings,
     monte_carlo_lines,
     monte_carlo_summary,
     nees_rows,
     run_rows,
-    world_config,
+    run_task,
+    simulated_run,
+    study_config,
 )
-from slam.study.simulated import INSTANTS, AssociationScore, simulate, true_corners
+from slam.study.simulated import INSTANTS, simulate
+from slam.study.tasks import Failure
+from slam.study.truth import AssociationScore, ClosureScore, true_corners
 from slam.trajectory import Trajectory
 
-CONFIG = world_config("room", None)
+CONFIG = study_config()
 SCANS = 60
 
 
@@ -41,11 +52,38 @@ def test_associations_are_scored_against_the_corner_that_a_landmark_was_born_of(
     assert score == AssociationScore(matches=3, right=1, known=4, corners=[7, 8, -1, 7])
 
 
-def test_an_observation_is_the_nearest_corner_if_one_is_near() -> None:
-    corners = np.array([[0.0, 0.0], [1.0, 0.0]])
-    seen = np.array([[0.1, 0.1], [0.8, -0.1], [0.5, 0.0], [5.0, 5.0]])
-    assert true_corners(corners, seen).tolist() == [0, 1, -1, -1]
-    assert true_corners(corners, np.empty((0, 2))).tolist() == []
+def test_a_corner_is_where_the_walls_meet_that_its_two_lines_hit_however_near_another_corner_is() -> None:
+    """Niches of 0.35 m: of a corner whose position errs the nearest of all corners may be another one."""
+    run = site_run(find_site("office-loop"), Lidar.of_preset("rplidar-s1"), "rplidar-s1", 1)
+    sensor, labelled, moved = sensor_preset("rplidar-s1"), 0, 0
+    for index, measurement in zip(range(0, 400, 5), itertools.islice(run.measurements(), 0, 400, 5), strict=True):
+        truth = run.poses_world_robot[run.has_scan][index]
+        features = extract(measurement.scan, sensor)
+        seen_world = transform(truth, features.corners.positions)
+        labels = true_corners(run.world, measurement, features, seen_world)
+        labelled += int((labels >= 0).sum())
+        corners = run.world.corners[labels[labels >= 0]]
+        assert (np.hypot(*(corners - seen_world[labels >= 0]).T) <= 0.3).all()
+        # Moved by 0.2 m, out of the niche, a corner keeps its name.
+        again = true_corners(run.world, measurement, features, corners + np.array([0.0, 0.2]))
+        assert again.tolist() == labels[labels >= 0].tolist()
+        apart = np.hypot(*(run.world.corners - corners[:, None] - np.array([0.0, 0.2])).transpose(2, 0, 1))
+        moved += int((apart.argmin(axis=1) != labels[labels >= 0]).sum())
+    assert labelled > 200
+    assert moved > 5
+
+
+def test_closures_are_counted_against_the_truth() -> None:
+    poses = np.array([[0.0, 0.0, 0.0], [5.0, 1.0, 3.1], [0.1, 0.0, -3.1]])
+    right = Closure(0, 2, between(poses[0], poses[2]) + pose(0.02), 1e-4 * np.eye(3))
+    turned = Closure(1, 2, between(poses[1], poses[2]) + np.array([0.0, 0.0, 2.0 * np.pi - 0.01]), 1e-4 * np.eye(3))
+    wrong = Closure(0, 1, between(poses[0], poses[1]) + pose(0.0, 0.6), 1e-4 * np.eye(3))
+    score = ClosureScore.of([right, turned, wrong], [], poses)
+    assert (score.accepted, score.revoked, score.false) == (3, 0, 1)
+    assert score.nees == pytest.approx([4.0, 1.0])
+    score = ClosureScore.of([right, turned, wrong], [wrong], poses)
+    assert (score.accepted, score.revoked, score.false) == (3, 1, 0)
+    assert ClosureScore.of([], [], poses).nees.size == 0
 
 
 def test_nees_of_right_covariances_has_the_mean_and_interval_of_chi_square() -> None:
@@ -113,6 +151,34 @@ def test_associations_that_go_wrong_are_noticed(monkeypatch: pytest.MonkeyPatch)
     assert simulate(room_run(5), CONFIG, 10)["row"]["association_precision"] < 0.2
 
 
+def test_the_settings_of_a_study_say_which_world_it_is_and_runs_refuse_another(tmp_path: Path) -> None:
+    world = tmp_path / "square.json"
+
+    def write(side: float) -> None:
+        square = {"points": [[0, 0], [side, 0], [side, 4], [0, 4]], "closed": True}
+        content = {"format": "cwlf-world", "version": 1, "walls": [square], "waypoints": [[1, 1], [2, 1]]}
+        world.write_text(json.dumps(content))
+
+    write(4.0)
+    settings = MonteCarloSettings(world=str(world), seeds=1, scans=3, config=CONFIG)
+    assert settings == MonteCarloSettings(world=str(world), seeds=1, scans=3, config=CONFIG)
+    assert run_task(settings, 0, 5)["row"]["landmarks"] <= 4
+    write(4.5)
+    with pytest.raises(StudyError, match="is not the one that the study was begun with"):
+        run_task(settings, 0, 5)
+    assert MonteCarloSettings(world=str(world), seeds=1, config=CONFIG).world_digest != settings.world_digest
+
+
+def test_effects_wheels_and_people_are_those_of_the_settings() -> None:
+    settings = MonteCarloSettings(
+        world="apartment", seeds=1, effects="rplidar-s1", odometry="exact", people=2, config=CONFIG
+    )
+    run = simulated_run(settings, 3)
+    assert run.lidar.effects == EFFECTS["rplidar-s1"]
+    np.testing.assert_allclose(run.poses_odom_robot[-1], run.poses_world_robot[-1], atol=1e-6)
+    assert len(run.people) == 2
+
+
 def results(count: int, scale: float, seed: int) -> list[dict[str, Any]]:
     """Runs whose pose errors are as large as claimed, or ``scale`` times so."""
     rng = np.random.default_rng(seed)
@@ -130,7 +196,16 @@ def results(count: int, scale: float, seed: int) -> list[dict[str, Any]]:
                 "association_recall": 1.0,
                 "landmarks": 10,
                 "duplicates": 0,
+                "duplicates_share": 0.0,
                 "false_landmarks": 0,
+                "landmarks_born": 12,
+                "landmarks_merged": 1,
+                "landmarks_ended": 1,
+                "landmark_nees": 2.0 * scale**2,
+                "closures": 3,
+                "closures_revoked": 0,
+                "closures_false": 0,
+                "closure_nees": None if number == 2 else 3.0,
                 "graph_converged": number != 3,
             },
             "nees_ekf": (scale**2 * rng.chisquare(3, INSTANTS)).tolist(),
@@ -144,17 +219,48 @@ def results(count: int, scale: float, seed: int) -> list[dict[str, Any]]:
 def test_the_summary_tells_right_covariances_from_wrong_ones(scale: float, consistent: bool) -> None:
     lot = results(100, scale, seed=2)
     summary = monte_carlo_summary(MonteCarloSettings(world="room", seeds=100, config=CONFIG), lot, [])
-    for of in (summary["pose_nees"]["filter"], summary["nis"]):
+    for of in (summary["nees"]["pose, filter"], summary["nis"]):
         low, high = of["interval_95"]
         assert (low < of["mean"] < high) == consistent
-    assert (summary["pose_nees"]["filter"]["instants_inside"] > 0.8) == consistent
-    assert summary["pose_nees"]["graph"]["runs"] == 99
+    assert (summary["nees"]["pose, filter"]["instants_inside"] > 0.8) == consistent
+    assert summary["nees"]["pose, graph"]["runs"] == 99
     assert summary["graph_not_converged"] == 1
     errors = summary["figures"]["ate_online_m"]
     assert (errors["mean"], errors["p95"], errors["worst"]) == pytest.approx((0.0505, 0.09505, 0.1))
     assert summary["figures"]["association_precision"]["worst"] == pytest.approx(0.01)
     assert summary["figures"]["landmark_rmse_m"]["runs"] == 99
     assert any("95.05" in line for line in monte_carlo_lines(summary))
+
+
+@pytest.mark.parametrize(
+    ("change", "missed"),
+    [
+        ({}, set()),
+        ({"ate_final_m": 0.051}, {"ATE, final, worst run [mm]"}),
+        ({"association_precision": 0.9}, {"association precision [%]"}),
+        ({"association_recall": 0.5}, {"association recall [%]"}),
+        ({"duplicates_share": 1.0}, {"duplicates [%]"}),
+        ({"closures_false": 1}, {"false closures"}),
+        ({"landmark_rmse_m": 0.041}, {"landmark RMSE, worst run [mm]"}),
+        ({"graph_converged": False}, {"graphs without convergence"}),
+    ],
+)
+def test_one_bad_run_misses_the_bar_it_is_bad_in(change: dict[str, Any], missed: set[str]) -> None:
+    lot = results(20, 1.0, seed=4)
+    for run in lot:
+        run["row"] |= {"association_precision": 1.0, "association_recall": 0.96, "graph_converged": True}
+    lot[7]["row"] |= change
+    summary = monte_carlo_summary(MonteCarloSettings(world="room", seeds=20, config=CONFIG), lot, [])
+    assert {bar.cells()[0] for bar in bars(summary) if not bar.holds} == missed
+    assert sum("MISSED" in line for line in monte_carlo_lines(summary)) == len(missed)
+
+
+def test_wrong_covariances_and_failed_runs_miss_their_bars() -> None:
+    summary = monte_carlo_summary(
+        MonteCarloSettings(world="room", seeds=21, config=CONFIG), results(20, 1.5, seed=5), [Failure(3, 4, "lost", "")]
+    )
+    missed = {bar.label for bar in bars(summary) if not bar.holds}
+    assert {"runs that failed", "pose NEES, filter"} <= missed
 
 
 def test_tables_have_a_row_per_run_and_per_instant() -> None:

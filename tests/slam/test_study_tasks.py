@@ -17,7 +17,7 @@ from slam.errors import StudyError
 from slam.program import fingerprint
 from slam.study import report, tasks
 from slam.study.journal import JOURNAL, Journal
-from slam.study.monte_carlo import MonteCarloSettings, world_config
+from slam.study.monte_carlo import MonteCarloSettings, study_config
 from slam.study.tasks import FAILURES, Outcome, pool, run_tasks, task_seed
 
 SMALL = ("--seeds", "5", "--limit", "12", "--seed", "3")
@@ -29,7 +29,7 @@ class Settings(BaseModel):
 
 
 def small_settings() -> MonteCarloSettings:
-    return MonteCarloSettings(world="room", seeds=5, scans=12, seed=3, config=world_config("room", None))
+    return MonteCarloSettings(world="room", seeds=5, scans=12, seed=3, config=study_config())
 
 
 def files(folder: Path) -> dict[str, bytes]:

@@ -6,14 +6,16 @@ import signal
 import sys
 from collections.abc import Callable, Iterator
 from pathlib import Path
+from typing import get_args
 
 import numpy as np
 import pytest
 from PIL import Image
 
 from drivers import CarmenLog, Frame, Recording
-from sim import SimulatedRun, find_site
+from sim import EFFECTS, ODOMETRIES, Lidar, SimulatedRun, find_site, site_run
 from slam.cli import main
+from slam.world_cli import EffectsOption, OdometryOption
 
 Call = Callable[..., tuple[int, str, str]]
 DATA = Path(os.environ.get("CWLF_DATA", Path(__file__).parents[2] / ".." / "shared" / "data"))
@@ -95,6 +97,44 @@ def test_a_recording_runs_like_a_log_and_holds_its_truth(cwlf: Call, tmp_path: P
     cwlf("simulate", "--world", "environment-b", "--out", again, "--seed", 4)
     cwlf("simulate", "--world", "environment-b", "--out", other, "--seed", 5)
     assert again.read_bytes() == recording.read_bytes() != other.read_bytes()
+
+
+def test_a_recording_with_effects_and_people_holds_the_times_of_its_beams_and_runs(cwlf: Call, tmp_path: Path) -> None:
+    """S1 effects: a sweep of 0.1 s, whole millimetres and lost beams; ``run`` undoes the motion by the times."""
+    recording, run = tmp_path / "r.gz", tmp_path / "run"
+    options = ("--effects", "rplidar-s1", "--people", 2, "--odometry", "good")
+    assert cwlf("simulate", "--world", "room", "--out", recording, *options)[0] == 0
+    frames = list(Recording(recording))
+    scans = [frame.scan for frame in frames if frame.scan is not None]
+    assert all(scan.times is not None and np.ptp(scan.times) == pytest.approx(0.1, rel=0.01) for scan in scans)
+    ranges = np.concatenate([scan.ranges for scan in scans])
+    assert 0.0 < np.mean(np.isinf(ranges)) < 0.1
+    millimetres = 1e3 * ranges[np.isfinite(ranges)]
+    np.testing.assert_allclose(millimetres, np.round(millimetres), atol=1e-6)
+    source = site_run(
+        find_site("room"),
+        Lidar.of_preset("rplidar-s1", effects=EFFECTS["rplidar-s1"]),
+        "rplidar-s1",
+        1,
+        odometry=ODOMETRIES["good"],
+        people=2,
+    )
+    np.testing.assert_array_equal([frame.pose_odom_robot for frame in frames], source.poses_odom_robot)
+    np.testing.assert_allclose(scans[100].ranges, list(source.measurements())[100].scan.ranges, atol=1e-6)
+    assert cwlf("run", recording, "--out", run)[0] == 0
+    report = json.loads(cwlf("evaluate", run, "--truth", recording, "--json")[1])
+    assert report["ate"]["rmse_m"] < 0.05
+
+
+def test_what_the_options_offer_is_what_there_is() -> None:
+    """Spelled out in the command line, so that it need not import the simulator for its help."""
+    assert _choices(EffectsOption) == set(EFFECTS)
+    assert _choices(OdometryOption) == set(ODOMETRIES)
+
+
+def _choices(option: object) -> set[str]:
+    literal, *_ = get_args(option)
+    return set(get_args(literal))
 
 
 def test_an_export_is_a_log_that_runs_to_the_same_trajectory(cwlf: Call, tmp_path: Path) -> None:
