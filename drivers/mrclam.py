@@ -140,8 +140,9 @@ class MrclamLog:
 
 
 def is_mrclam(path: str | os.PathLike[str]) -> bool:
-    """Whether a path is a folder, or is named as the odometry of a data set is."""
-    return Path(path).is_dir() or ODOMETRY.fullmatch(Path(path).name) is not None
+    """Whether a path is the odometry of a robot of a data set by its name, or a folder that holds one."""
+    path = Path(path)
+    return any(ODOMETRY.fullmatch(file.name) for file in (path.iterdir() if path.is_dir() else [path]))
 
 
 def _robot(path: Path) -> int:

@@ -30,14 +30,14 @@ def open_log(
     LogFormatError
         It cannot be opened, what comes before its first frame is unusable, or topics are asked for of what has none.
     """
+    if is_mrclam(path) and scan_topic is None and odom_topic is None:
+        return MrclamLog(path)
     if is_ros_bag(Path(path)):
         from drivers.ros_bag import RosBag
 
         return RosBag(path, scan_topic, odom_topic)
     if scan_topic is not None or odom_topic is not None:
         raise LogFormatError(f"{path} is no ROS bag, so it has no topics: drop --scan-topic and --odom-topic")
-    if is_mrclam(path):
-        return MrclamLog(path)
     start = text_start(path)
     if start.startswith(b"{"):
         return Recording(path)

@@ -150,7 +150,8 @@ def _check(path: Path) -> None:
     if path.is_dir():
         if not (path / "metadata.yaml").is_file() and not storage_files(path):
             raise LogFormatError(
-                f"{path} is a folder without metadata.yaml, .db3 or .mcap files: expected a ROS 2 bag, or a file"
+                f"{path} is a folder without metadata.yaml, .db3 or .mcap files: expected a ROS 2 bag, an MRCLAM data "
+                "set, or a file"
             )
     elif path.stat().st_size == 0:
         raise LogFormatError(f"{path} is empty: expected a ROS bag")

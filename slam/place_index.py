@@ -3,6 +3,7 @@
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -60,6 +61,10 @@ class PlaceIndex:
 
     def __len__(self) -> int:
         return len(self._places)
+
+    def __getstate__(self) -> dict[str, Any]:
+        # The tree and what goes with it are made again when they are asked for.
+        return {"_places": self._places, "_pairs": self._pairs, "_tree": None}
 
     def add(self, constellation: Constellation) -> None:
         """Remember a place by its constellation, given in its frame."""

@@ -91,4 +91,4 @@ def test_the_robot_has_to_be_clear(folder):
     for name in ("Robot3_Odometry.dat", "Robot4_Odometry.dat"):
         (folder / name).unlink()
     with pytest.raises(LogFormatError, match="no Robot<N>_Odometry"):
-        open_log(folder)
+        MrclamLog(folder)
