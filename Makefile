@@ -10,7 +10,7 @@ demo: $(READY)
 	$(BIN)/cwlf-slam demo --out runs/demo --overwrite
 
 test: lint
-	$(BIN)/python -m pytest
+	$(BIN)/python -m pytest --numprocesses auto --dist worksteal
 
 lint: $(READY)
 	$(BIN)/ruff format --check .

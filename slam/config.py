@@ -165,7 +165,7 @@ class BackEndConfig(_Section):
         default=2.0, gt=0.0, description="residual, in sigmas, where the robust kernel halves the weight of a corner"
     )
     corner_scatter_mm: float = Field(
-        default=20.0,
+        default=0.0,
         ge=0.0,
         description="how far apart a corner lies as seen from different key frames, beyond the noise [mm]",
     )

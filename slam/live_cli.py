@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
+from contextlib import closing, contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
-from click import get_current_context
 
 from slam.cli_options import Config, Out, Overwrite, Sensor
 from slam.finish_cli import leave, save
 
 if TYPE_CHECKING:
+    from collections.abc import Iterator
+
     from drivers.frame import FrameSource
     from drivers.recorder import Recorder
     from drivers.rplidar import Rplidar
@@ -82,8 +84,8 @@ def live(
             with _recorder(folder / RECORDING, source, overwrite=overwrite) as recorder:
                 lidar.start(RawRecorder(recorder))
                 progress = LiveProgress(lidar.name, slam, lambda: lidar.counts, time.time)
-                session = _session(slam, source, progress, view=view, view_file=view_file)
-                result, error = session.run(Recorded(source, recorder), limit)
+                with _session(slam, source, progress, view=view, view_file=view_file) as session:
+                    result, error = session.run(Recorded(source, recorder), limit)
                 lidar.close()
             save(folder, f"live {lidar.name}", result, error)
     leave(result)
@@ -163,8 +165,8 @@ def replay(
     slam = _slam(source, sensor, config)
     with claimed(out or default_folder(f"replay-{source.name}", datetime.now()), overwrite=overwrite) as folder:
         progress = LiveProgress(source.name, slam, None if raw is None else lambda: raw.counts)
-        session = _session(slam, source, progress, view=view, view_file=view_file)
-        result, error = session.run(Paced(source, speed) if speed > 0.0 else source, limit)
+        with _session(slam, source, progress, view=view, view_file=view_file) as session:
+            result, error = session.run(Paced(source, speed) if speed > 0.0 else source, limit)
         save(folder, f"replay {source.name}", result, error)
     leave(result)
 
@@ -204,15 +206,20 @@ def _slam(source: FrameSource, sensor: str | None, config: Path | None) -> Slam:
     )
 
 
-def _session(slam: Slam, source: FrameSource, progress: Progress, *, view: bool, view_file: Path | None) -> Session:
+@contextmanager
+def _session(
+    slam: Slam, source: FrameSource, progress: Progress, *, view: bool, view_file: Path | None
+) -> Iterator[Session]:
+    """Session of a run that may be watched; the view is complete behind it."""
     from slam.checkpoint import Stand
     from slam.session import Session
 
-    watch = None
-    if view or view_file is not None:
-        from slam.live_view import LiveView
+    session = Session(slam, Stand(source.name), progress=progress)
+    if not view and view_file is None:
+        yield session
+        return
+    from slam.live_view import LiveView
 
-        shown = LiveView(source.name, slam, view_file)
-        get_current_context().call_on_close(shown.close)
-        watch = shown.show
-    return Session(slam, Stand(source.name), progress=progress, watch=watch)
+    with closing(LiveView(source.name, slam, view_file)) as shown:
+        session.watch = shown.show
+        yield session

