@@ -160,7 +160,7 @@ class BackEndConfig(_Section):
     corner_scatter_mm: float = Field(
         default=20.0,
         ge=0.0,
-        description="how far apart a corner lies as seen from different key frames, beyond the noise of the sensor [mm]",
+        description="how far apart a corner lies as seen from different key frames, beyond its covariance [mm]",
     )
     max_iterations: int = Field(default=100, ge=1, description="iterations of the batch solve at most")
 

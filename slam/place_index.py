@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial import cKDTree
+from scipy.spatial import KDTree
 
 from features.se2 import Array, Pose, wrap_angle
 from slam.constellation import SAME_ANGLE, Constellation, lay
@@ -56,7 +56,7 @@ class PlaceIndex:
     def __init__(self) -> None:
         self._places: list[Constellation] = []
         self._pairs: list[Array] = []
-        self._tree: cKDTree | None = None
+        self._tree: KDTree | None = None
 
     def __len__(self) -> int:
         return len(self._places)
@@ -95,11 +95,12 @@ class PlaceIndex:
 
     def _hypotheses(self, here: Array) -> tuple[NDArray[np.int64], Array]:
         """Places with a pair alike, shape (h,), and the pose of the robot in its frame by this pair, shape (h, 3)."""
-        if self._tree is None:
+        tree = self._tree
+        if tree is None:
             self._known = np.concatenate([*self._pairs, np.empty((0, PAIR_FIELDS))])
             self._place_of = np.repeat(np.arange(len(self._pairs)), [len(pairs) for pairs in self._pairs])
-            self._tree = cKDTree(self._known[:, SIGNATURE:])
-        alike = self._tree.query_ball_point(here[:, SIGNATURE:], 1.0, p=np.inf)
+            tree = self._tree = KDTree(self._known[:, SIGNATURE:])
+        alike = tree.query_ball_point(here[:, SIGNATURE:], 1.0, p=np.inf)
         mine = np.repeat(np.arange(len(here)), [len(each) for each in alike])
         theirs = np.array([pair for each in alike for pair in each], np.int64)
         seen, known = here[mine], self._known[theirs]
@@ -114,7 +115,7 @@ class PlaceIndex:
         chord = 2.0 * math.sin(VOTE_TURN / 2.0)
         turns = np.stack([np.cos(poses[:, 2]), np.sin(poses[:, 2])], axis=-1) / chord
         ballots = np.column_stack([FAR_APART * places, middles / VOTE_DISTANCE, turns])
-        return np.asarray(cKDTree(ballots).query_ball_point(ballots, 1.0, p=np.inf, return_length=True))
+        return np.asarray(KDTree(ballots).query_ball_point(ballots, 1.0, p=np.inf, return_length=True))
 
 
 DIRECTION, SIGNATURE, PAIR_FIELDS = 2, 3, 12

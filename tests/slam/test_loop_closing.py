@@ -244,7 +244,7 @@ def test_the_passage_of_a_key_frame_is_the_way_about_it_on_that_visit():
     rng = np.random.default_rng(7)
     closer = LoopCloser(RULES)
     scan = seen(RING, pose(9.0, 1.25), rng)
-    for k in range(81):
+    for _ in range(81):
         closer.add_key_frame(scan, NO_CORNERS, pose(1.0), UNTOLD)
     # 16 m to either side; and never what is nearer to now than two visits are apart.
     assert closer.passage(30).tolist() == list(range(14, 47))
