@@ -54,7 +54,6 @@ class LoopCloser:
         self._reckoning = DeadReckoning()
         self._looked = -math.inf
         self._closed = -math.inf
-        self._laid = -math.inf
         self._hypothesis: tuple[int, Pose] | None = None
         self._index = PlaceIndex()
         self._places: list[int] = []
@@ -87,7 +86,9 @@ class LoopCloser:
         found = self._near(newest, poses_world_robot)
         if found is None:
             self._hypothesis = None
-            closures = self._by_corners(newest, poses_world_robot) if self._corners_due(newest) else []
+            # A passage that is tied to an earlier one already would be told the same again.
+            tied = self._way[newest] - self._closed <= self._rules.constellation
+            closures = [] if tied else self._by_corners(newest, poses_world_robot)
         else:
             older, fit = found
             here = poses_world_robot[newest]
@@ -145,13 +146,6 @@ class LoopCloser:
                 best = nearest, fit
             near = near[np.abs(way[near] - way[nearest]) > 2.0 * rules.passage]
         return best
-
-    def _corners_due(self, newest: int) -> bool:
-        """Whether the passage is not tied to an earlier one already, and the last look was long enough ago."""
-        way, rules = self._way[newest], self._rules
-        due = way - self._closed > rules.constellation and way - self._laid >= rules.corner_spacing
-        self._laid = way if due else self._laid
-        return due
 
     def _by_corners(self, newest: int, poses_world_robot: Array) -> list[Closure]:
         """Closures of the newest passage and the one place on which its constellation lies."""
