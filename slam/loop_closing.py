@@ -28,6 +28,9 @@ POSSIBLE = float(chi2.ppf(0.9999, 3))
 BLUR = np.diag([0.3, 0.3, math.radians(3.0)]) ** 2
 """Covariance of a place by its corners, and what dead reckoning does not know of itself."""
 
+BROKEN = 0.3
+"""Standard deviation of a motion beyond which key frames before and after it make no passage [m]."""
+
 
 class LoopCloser:
     """Finds closures of the newest passage.
@@ -47,10 +50,10 @@ class LoopCloser:
         self._scans: list[ScanPoints] = []
         self._corners: list[Corners] = []
         self._way: list[float] = []
+        self._breaks: list[int] = []
         self._reckoning = DeadReckoning()
         self._looked = -math.inf
         self._closed = -math.inf
-        self._laid = -math.inf
         self._hypothesis: tuple[int, Pose] | None = None
         self._index = PlaceIndex()
         self._places: list[int] = []
@@ -69,6 +72,8 @@ class LoopCloser:
         self._scans.append(scan)
         self._corners.append(corners_robot)
         self._way.append((self._way[-1] if self._way else 0.0) + travel)
+        broken = bool(self._breaks) and np.linalg.eigvalsh(motion_cov[:2, :2])[1] > BROKEN**2
+        self._breaks.append((self._breaks[-1] if self._breaks else 0) + broken)
         self._reckoning.add(motion, motion_cov)
 
     def find(self, poses_world_robot: Array) -> list[Closure]:
@@ -81,7 +86,9 @@ class LoopCloser:
         found = self._near(newest, poses_world_robot)
         if found is None:
             self._hypothesis = None
-            closures = self._by_corners(newest, poses_world_robot) if self._corners_due(newest) else []
+            # A passage that is tied to an earlier one already would be told the same again.
+            tied = self._way[newest] - self._closed <= self._rules.constellation
+            closures = [] if tied else self._by_corners(newest, poses_world_robot)
         else:
             older, fit = found
             here = poses_world_robot[newest]
@@ -140,17 +147,10 @@ class LoopCloser:
             near = near[np.abs(way[near] - way[nearest]) > 2.0 * rules.passage]
         return best
 
-    def _corners_due(self, newest: int) -> bool:
-        """Whether the passage is not tied to an earlier one already, and the last look was long enough ago."""
-        way, rules = self._way[newest], self._rules
-        due = way - self._closed > rules.constellation and way - self._laid >= rules.corner_spacing
-        self._laid = way if due else self._laid
-        return due
-
     def _by_corners(self, newest: int, poses_world_robot: Array) -> list[Closure]:
         """Closures of the newest passage and the one place on which its constellation lies."""
         way = np.array(self._way)
-        here = np.flatnonzero(way > way[newest] - self._rules.constellation)
+        here = self._unbroken(newest, np.flatnonzero(way > way[newest] - self._rules.constellation))
         corners = gather(_relative(newest, here, poses_world_robot), [self._corners[key] for key in here])
         places = np.array(self._places, np.int64)
         proposals = self._index.propose(
@@ -177,11 +177,12 @@ class LoopCloser:
     ) -> tuple[Pose, list[Closure]] | None:
         """Pose of the newest key frame, and closures by those of its passage that fit a place alike (eq. M54)."""
         rules = self._rules
-        walls = walls_world(self._scans, self._about(older, rules.constellation), poses_world_robot)
+        passage = self._unbroken(older, self._about(older, rules.constellation))
+        walls = walls_world(self._scans, passage, poses_world_robot)
         fits: list[tuple[int, Registration, Pose]] = []
         tried = math.inf
         for key in range(newest, -1, -1):
-            if self._way[key] < self._way[newest] - rules.constellation:
+            if self._way[key] < self._way[newest] - rules.constellation or self._breaks[key] != self._breaks[newest]:
                 break
             if self._way[key] > tried - rules.witness_spacing:
                 continue
@@ -206,10 +207,15 @@ class LoopCloser:
             keys = np.flatnonzero((way >= self._indexed) & (way <= self._indexed + rules.constellation))
             if keys.size:
                 middle = int(keys[keys.size // 2])
+                keys = self._unbroken(middle, keys)
                 home = _relative(middle, keys, poses_world_robot)
                 self._index.add(gather(home, [self._corners[key] for key in keys]))
                 self._places.append(middle)
             self._indexed += rules.constellation / 3.0
+
+    def _unbroken(self, home: int, key_frames: NDArray[np.int64]) -> NDArray[np.int64]:
+        """Key frames whose place relative to one of them is known well."""
+        return key_frames[np.array(self._breaks)[key_frames] == self._breaks[home]]
 
     def _fit(self, key_frame: int, walls: Array, start: Pose) -> Registration:
         return register(self._scans[key_frame], walls, start, UNKNOWN, start, RULES)

@@ -17,7 +17,6 @@ class LoopRules:
     share : of the points of a scan those that lie on walls of the passage, at least.
     sigma : largest standard deviation of the position in its least certain direction [m].
     agree_position, agree_heading : how far two corrections in a row may differ [m, rad].
-    corner_spacing : way between two looks for a constellation [m].
     constellation : way whose corners make a constellation [m].
     corners : corners, at least, in which two constellations agree.
     witnesses : key frames of a constellation, at least, that have to fit the walls of the other alike.
@@ -32,7 +31,6 @@ class LoopRules:
     sigma: float = 0.05
     agree_position: float = 0.3
     agree_heading: float = math.radians(4.0)
-    corner_spacing: float = 2.0
     constellation: float = 16.0
     corners: int = 4
     witnesses: int = 3

@@ -101,11 +101,12 @@ class PlaceIndex:
 
     def _hypotheses(self, here: Array) -> tuple[NDArray[np.int64], Array]:
         """Places with a pair alike, shape (h,), and the pose of the robot in its frame by this pair, shape (h, 3)."""
-        if self._tree is None:
+        tree = self._tree
+        if tree is None:
             self._known = np.concatenate([*self._pairs, np.empty((0, PAIR_FIELDS))])
             self._place_of = np.repeat(np.arange(len(self._pairs)), [len(pairs) for pairs in self._pairs])
-            self._tree = KDTree(self._known[:, SIGNATURE:])
-        alike = self._tree.query_ball_point(here[:, SIGNATURE:], 1.0, p=np.inf)
+            tree = self._tree = KDTree(self._known[:, SIGNATURE:])
+        alike = tree.query_ball_point(here[:, SIGNATURE:], 1.0, p=np.inf)
         mine = np.repeat(np.arange(len(here)), [len(each) for each in alike])
         theirs = np.array([pair for each in alike for pair in each], np.int64)
         seen, known = here[mine], self._known[theirs]
