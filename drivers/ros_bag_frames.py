@@ -37,7 +37,8 @@ def laser_scan(message: Any, stamp: float) -> LaserScan:
     for name in ("angle_increment", "time_increment"):
         if not math.isfinite(getattr(message, name)):
             raise ScanFormatError(f"{name} is {getattr(message, name):g}: expected a finite number")
-    ranges = np.asarray(message.ranges, dtype=np.float64)
+    with np.errstate(invalid="ignore"):  # a signalling NaN is no return like any other
+        ranges = np.asarray(message.ranges, dtype=np.float64)
     beams = np.arange(len(ranges))
     # A scanner that reports its maximum means that it saw nothing up to there.
     returned = (ranges >= message.range_min) & (ranges < message.range_max)

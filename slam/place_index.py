@@ -93,7 +93,8 @@ class PlaceIndex:
             if place in tried:
                 continue
             tried.add(place)
-            start = _mean_of_voters(at, places, poses, constellation.positions)
+            same = np.flatnonzero(places == place)
+            start = _mean_of_voters(poses[same], poses[at], constellation.positions.mean(axis=0))
             pose_place_robot, count = lay(constellation, self._places[place], start, CORNER_TOLERANCE)
             if count >= least:
                 best[place] = Proposal(place, pose_place_robot, count)
@@ -149,19 +150,18 @@ def _pairs(corners: Constellation, first: NDArray[np.int64], second: NDArray[np.
     return np.column_stack(fields)
 
 
-def _mean_of_voters(at: int, places: NDArray[np.int64], poses: Array, corners: Array) -> Pose:
-    """Mean of the hypotheses of the same place that put the middle of the corners where one does, shape (3,).
+def _mean_of_voters(poses: Array, elected: Pose, middle: Array) -> Pose:
+    """Mean of those hypotheses of one place, shape (h, 3), that put the middle of the corners where the elected does.
 
     A single pair of corners near to each other may err by more than a corner is allowed to.
     """
-    middle = np.tile(corners.mean(axis=0), (len(poses), 1))
-    middles = poses[:, :2] + _turned(middle, poses[:, 2])
-    turns = wrap_angle(poses[:, 2] - poses[at, 2])
-    voters = (places == places[at]) & (np.abs(middles - middles[at]) <= VOTE_DISTANCE).all(axis=1)
-    voters &= np.abs(turns) <= VOTE_TURN
-    turn = wrap_angle(float(poses[at, 2] + turns[voters].mean()))
-    position = middles[voters].mean(axis=0) - _turned(middle[:1], np.array([turn]))[0]
-    return np.array([position[0], position[1], turn])
+    middles = poses[:, :2] + _turned(np.tile(middle, (len(poses), 1)), poses[:, 2])
+    elected_middle = elected[:2] + _turned(middle[None], elected[2:])[0]
+    turns = wrap_angle(poses[:, 2] - elected[2])
+    voters = (np.abs(middles - elected_middle) <= VOTE_DISTANCE).all(axis=1) & (np.abs(turns) <= VOTE_TURN)
+    turn = elected[2:] + turns[voters].mean()
+    x, y = middles[voters].mean(axis=0) - _turned(middle[None], turn)[0]
+    return np.array([x, y, wrap_angle(float(turn[0]))])
 
 
 def _turned(points: Array, turns: Array) -> Array:
