@@ -45,8 +45,9 @@ def draw_map(path: Path, title: str, result: SlamResult, rng: Generator) -> None
             points = points[np.sort(rng.choice(len(points), MOST_POINTS, replace=False))]
         axes.plot(points[:, 0], points[:, 1], ",", color="#8a94a3", alpha=0.5, zorder=1)
         axes.add_collection(LineCollection(list(result.walls), colors=WALL, linewidths=1.1, alpha=0.35, zorder=2))
-        odometry = result.wheel_odometry.poses
-        axes.plot(odometry[:, 0], odometry[:, 1], "--", color=ODOMETRY, linewidth=0.8, zorder=3)
+        if _has_wheels(result):
+            odometry = result.wheel_odometry.poses
+            axes.plot(odometry[:, 0], odometry[:, 1], "--", color=ODOMETRY, linewidth=0.8, zorder=3)
         axes.plot(poses[:, 0], poses[:, 1], color=PATH, linewidth=1.3, zorder=4)
         axes.plot(*poses[0], "o", color=PATH, markersize=8, zorder=5)
         axes.plot(*poses[-1], "s", color=PATH, markersize=7, zorder=5)
@@ -130,6 +131,11 @@ def _size(width: float, height: float) -> tuple[float, float]:
     return max(width * scale, 6.0) + 0.8, max(height * scale, 4.0) + 1.4
 
 
+def _has_wheels(result: SlamResult) -> bool:
+    """Whether there is wheel odometry to draw: a source without any says that it stands at the origin."""
+    return bool(result.wheel_odometry.poses.any())
+
+
 def _legend(result: SlamResult, magnification: int) -> list[Line2D]:
     """Entries for what there is; of landmarks all kinds of corners, or points."""
     drawn = "2 sigma" if magnification == 1 else f"2 sigma x {magnification}"
@@ -147,7 +153,7 @@ def _legend(result: SlamResult, magnification: int) -> list[Line2D]:
     return [
         *(walls if not only_points else []),
         entry("trajectory", color=PATH),
-        entry("wheels alone", color=ODOMETRY, linestyle="--"),
+        *([entry("wheels alone", color=ODOMETRY, linestyle="--")] if _has_wheels(result) else []),
         entry("start", color=PATH, marker="o", linestyle=""),
         entry("end", color=PATH, marker="s", linestyle=""),
         *(points if only_points else corners),
