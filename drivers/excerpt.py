@@ -18,7 +18,7 @@ class Excerpt(Stage):
     Parameters
     ----------
     source : of the frames.
-    every : one scan of so many is kept, the first one first, 1 or more.
+    every : one scan of so many is kept, the first one first, 1 or more; so are ready-made observations of a record.
     skip : time from the first frame up to which all are left out [s].
 
     Raises
@@ -45,16 +45,16 @@ class Excerpt(Stage):
             The source ends before the time from which on it was wanted.
         """
         start: float | None = None
-        scans = 0
+        looks = 0
         for frame in self.source:
             start = frame.stamp if start is None else start
             if frame.stamp - start < self.skip:
                 continue
-            if frame.scan is not None:
-                scans += 1
-                if (scans - 1) % self.every:
-                    yield replace(frame, scan=None)
+            if frame.scan is not None or frame.observations is not None:
+                looks += 1
+                if (looks - 1) % self.every:
+                    yield replace(frame, scan=None, observations=None)
                     continue
             yield frame
-        if start is not None and not scans:
+        if start is not None and not looks:
             raise LogFormatError(f"{self.name} has no scan after its first {self.skip:g} s: skip less of it")

@@ -1,5 +1,7 @@
 """Excerpts: which frames are left, which of them have a scan, and that all else is as it was."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import given
@@ -7,7 +9,7 @@ from hypothesis import strategies as st
 
 from drivers.errors import LogFormatError
 from drivers.excerpt import Excerpt
-from drivers.frame import Frame
+from drivers.frame import Frame, LandmarkObservations
 from features.scan import LaserScan
 from features.sensor import Mounting
 
@@ -42,6 +44,14 @@ def test_records_keep_their_odometry_and_one_scan_of_so_many_is_left(has_scan, e
         assert [frame.stamp for frame in frames] == [frame.stamp for frame in wanted]
         assert all(got.pose_odom_robot is frame.pose_odom_robot for got, frame in zip(frames, wanted, strict=True))
         assert [f.scan for f in frames if f.scan is not None] == [f.scan for f in scans[::every]]
+
+
+def test_ready_made_observations_are_left_like_scans():
+    seen = LandmarkObservations(np.ones(1), np.zeros(1))
+    source = Source([False] * 5)
+    source.frames = [replace(frame, observations=seen) for frame in source.frames]
+    assert [frame.observations is seen for frame in Excerpt(source)] == [True] * 5
+    assert [frame.observations is seen for frame in Excerpt(source, every=2)] == [True, False, True, False, True]
 
 
 def test_an_excerpt_says_of_its_source_what_that_says():
