@@ -1,4 +1,4 @@
-"""What a source of frames may pass through on its way: wheels join it, a recorder takes it down, a clock paces it."""
+"""What a source of frames may pass through on its way: wheels join it, a clock paces it."""
 
 import time
 from collections.abc import Callable, Iterator
@@ -6,7 +6,6 @@ from dataclasses import dataclass, replace
 from typing import Protocol
 
 from drivers.frame import Frame, FrameSource
-from drivers.recorder import Recorder
 from features.se2 import Pose
 from features.sensor import Mounting
 
@@ -70,19 +69,6 @@ class WithOdometry(Stage):
         """Yield the frames, each with its pose."""
         for frame in self.source:
             yield replace(frame, pose_odom_robot=self.odometry.at(frame.stamp))
-
-
-@dataclass(frozen=True, slots=True)
-class Recorded(Stage):
-    """Frames that are written down on their way."""
-
-    recorder: Recorder
-
-    def __iter__(self) -> Iterator[Frame]:
-        """Yield the frames."""
-        for frame in self.source:
-            self.recorder.write(frame)
-            yield frame
 
 
 @dataclass(frozen=True, slots=True)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from contextlib import closing, contextmanager
+from contextlib import ExitStack, closing, contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -14,10 +14,10 @@ from slam.finish_cli import leave, save
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from drivers.frame import FrameSource
+    from drivers.frame import Frame, FrameSource
     from drivers.recorder import Recorder
     from drivers.rplidar import Rplidar
-    from slam.pipeline import Slam
+    from slam.pipeline import Slam, Step
     from slam.session import Progress, Session
 
 RECORDING = "recording.jsonl.gz"
@@ -70,7 +70,6 @@ def live(
     from datetime import datetime
 
     from drivers.rplidar import RawRecorder, Rplidar
-    from drivers.stages import Recorded
     from slam.config import load_config
     from slam.live_progress import LiveProgress
     from slam.pipeline import Slam
@@ -84,8 +83,8 @@ def live(
             with _recorder(folder / RECORDING, source, overwrite=overwrite) as recorder:
                 lidar.start(RawRecorder(recorder))
                 progress = LiveProgress(lidar.name, slam, lambda: lidar.counts, time.time)
-                with _session(slam, source, progress, view=view, view_file=view_file) as session:
-                    result, error = session.run(Recorded(source, recorder), limit)
+                with _session(slam, source, progress, recorder, view=view, view_file=view_file) as session:
+                    result, error = session.run(source, limit)
                 lidar.close()
             save(folder, f"live {lidar.name}", result, error)
     leave(result)
@@ -106,7 +105,6 @@ def record(
     What a killed recording leaves is readable up to its last second.
     """
     from drivers.rplidar import RawRecorder, Rplidar
-    from drivers.stages import Recorded
     from slam.interrupt import Interrupt
     from slam.live_progress import LiveProgress
 
@@ -120,7 +118,8 @@ def record(
         ):
             lidar.start(RawRecorder(recorder))
             first: float | None = None
-            for frame in interrupt.until(Recorded(source, recorder)):
+            for frame in interrupt.until(source):
+                recorder.write(frame)
                 scans += 1
                 first = frame.stamp if first is None else first
                 seconds = frame.stamp - first
@@ -208,18 +207,30 @@ def _slam(source: FrameSource, sensor: str | None, config: Path | None) -> Slam:
 
 @contextmanager
 def _session(
-    slam: Slam, source: FrameSource, progress: Progress, *, view: bool, view_file: Path | None
+    slam: Slam,
+    source: FrameSource,
+    progress: Progress,
+    recorder: Recorder | None = None,
+    *,
+    view: bool,
+    view_file: Path | None,
 ) -> Iterator[Session]:
-    """Session of a run that may be watched; the view is complete behind it."""
+    """Session of a run that may be recorded and watched; the view is complete behind it."""
     from slam.checkpoint import Stand
     from slam.session import Session
 
-    session = Session(slam, Stand(source.name), progress=progress)
-    if not view and view_file is None:
-        yield session
-        return
-    from slam.live_view import LiveView
+    with ExitStack() as stack:
+        shown = None
+        if view or view_file is not None:
+            from slam.live_view import LiveView
 
-    with closing(LiveView(source.name, slam, view_file)) as shown:
-        session.watch = shown.show
-        yield session
+            shown = stack.enter_context(closing(LiveView(source.name, slam, view_file)))
+
+        def watch(frame: Frame, step: Step) -> None:
+            # Here no Ctrl-C breaks in: it would leave half a line in the recording.
+            if recorder is not None:
+                recorder.write(frame)
+            if shown is not None:
+                shown.show(frame, step)
+
+        yield Session(slam, Stand(source.name), progress=progress, watch=watch)

@@ -4,9 +4,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from drivers.frame import Frame
-from drivers.recorder import Recorder
-from drivers.recording import Recording
-from drivers.stages import Paced, Recorded, Stage, WithOdometry
+from drivers.stages import Paced, Stage, WithOdometry
 from features.scan import LaserScan
 from features.sensor import Mounting
 
@@ -69,12 +67,3 @@ def test_odometry_joins_the_frames_at_their_stamps():
     stage = WithOdometry(Frames([1.0, 2.0]), Wheels())
     assert stage.has_odometry
     assert [frame.pose_odom_robot.tolist() for frame in stage] == [[1.0, 2.0, 0.1], [2.0, 4.0, 0.1]]
-
-
-def test_what_passes_is_recorded_although_the_taker_stops_early(tmp_path):
-    path = tmp_path / "hall.jsonl.gz"
-    source = Frames([1.0, 2.0, 3.0])
-    with Recorder(path, name="hall", sensor="rplidar-s1", mounting=Mounting()) as recorder:
-        passed = iter(Recorded(source, recorder))
-        assert [next(passed), next(passed)] == source.frames[:2]
-    assert [frame.stamp for frame in Recording(path)] == [1.0, 2.0]
