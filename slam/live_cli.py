@@ -23,6 +23,9 @@ if TYPE_CHECKING:
 RECORDING = "recording.jsonl.gz"
 """File of a live run in which everything that came is kept."""
 
+PATIENT = 100
+"""Revolutions that wait to be recorded, where the disk or the computer is busy for a while."""
+
 Port = Annotated[
     str | None, typer.Option("--port", help="Serial port; default: the first with a scanner.", show_default=False)
 ]
@@ -109,7 +112,7 @@ def record(
     from slam.live_progress import LiveProgress
 
     scans, seconds = 0, 0.0
-    with Rplidar(port, mode=mode, rpm=rpm, baud=baud) as lidar:
+    with Rplidar(port, mode=mode, rpm=rpm, baud=baud, capacity=PATIENT) as lidar:
         source = _with_odometry(lidar, odometry)
         with (
             _recorder(out, source, overwrite=overwrite) as recorder,
