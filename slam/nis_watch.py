@@ -1,5 +1,6 @@
 """Whether the innovations of the filter are as large as it promises: windowed NIS against its chi-square bounds."""
 
+import functools
 from collections import deque
 from dataclasses import dataclass
 
@@ -31,6 +32,13 @@ class NisSummary:
     level: float
 
 
+@functools.cache
+def _bounds(dof: int) -> tuple[float, float]:
+    """Bounds of chi-square at :data:`LEVEL`; the same few degrees of freedom are asked for again and again."""
+    low, high = chi2.interval(LEVEL, dof)
+    return float(low), float(high)
+
+
 class NisWatch:
     """Judges the last :data:`WINDOW` updates after each.
 
@@ -58,7 +66,7 @@ class NisWatch:
         if len(self._latest) < WINDOW:
             return False
         window, dof = (sum(values) for values in zip(*self._latest, strict=True))
-        low, high = chi2.interval(LEVEL, dof)
+        low, high = _bounds(dof)
         above, below = window > self._kept * high, window < self._kept * low
         self._windows += 1
         self._above += bool(above)
