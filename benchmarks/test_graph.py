@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from sim.run import room_run
-from slam.config import load_config
+from slam.config_file import load_config
 from slam.graph import LandmarkGraph, Observations
 from slam.pipeline import Slam
 

@@ -1,7 +1,7 @@
 """Robots that drive from waypoint to waypoint: with a differential drive, and in any direction."""
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 
 import numpy as np
 import numpy.typing as npt
@@ -44,13 +44,13 @@ class Trajectory:
 
 
 @dataclass(frozen=True, slots=True)
-class Robot:
-    """A differential drive and the limits of its motion.
+class MotionLimits:
+    """Limits of the motion of a robot.
 
     Parameters
     ----------
-    speed : largest forward speed [m/s]; it never drives backwards.
-    acceleration : largest change of the speed, up or down [m/s^2].
+    speed : largest speed [m/s].
+    acceleration : largest change of the velocity [m/s^2].
     turn_rate : largest turn rate [rad/s].
     turn_acceleration : largest change of the turn rate [rad/s^2].
     reach : a waypoint nearer than this has been reached [m].
@@ -68,7 +68,15 @@ class Robot:
     reach: float = 0.15
 
     def __post_init__(self) -> None:
-        _check_limits(self)
+        for limit in fields(self):
+            value = getattr(self, limit.name)
+            if not (math.isfinite(value) and value > 0.0):
+                raise ValueError(f"{limit.name} is {value:g}: a limit must be positive and finite")
+
+
+@dataclass(frozen=True, slots=True)
+class Robot(MotionLimits):
+    """A differential drive; it never drives backwards."""
 
     def drive(self, waypoints: npt.ArrayLike, rate: float) -> Trajectory:
         """Drive through all waypoints and stop within reach of the last.
@@ -123,31 +131,8 @@ class Robot:
 
 
 @dataclass(frozen=True, slots=True)
-class OmniRobot:
-    """A base that drives in any direction and turns as it likes, and the limits of its motion.
-
-    Parameters
-    ----------
-    speed : largest speed, in any direction [m/s].
-    acceleration : largest change of the velocity, in any direction [m/s^2].
-    turn_rate : largest turn rate [rad/s].
-    turn_acceleration : largest change of the turn rate [rad/s^2].
-    reach : a waypoint nearer than this has been reached [m].
-
-    Raises
-    ------
-    ValueError
-        A limit is not positive.
-    """
-
-    speed: float = 0.5
-    acceleration: float = 0.5
-    turn_rate: float = 1.0
-    turn_acceleration: float = 3.0
-    reach: float = 0.15
-
-    def __post_init__(self) -> None:
-        _check_limits(self)
+class OmniRobot(MotionLimits):
+    """A base that drives in any direction, with its velocity limited in any, and turns as it likes."""
 
     def drive(self, waypoints: npt.ArrayLike, rate: float) -> Trajectory:
         """Drive through all waypoints and stop within reach of the last.
@@ -190,13 +175,6 @@ class OmniRobot:
         return poses
 
 
-def _check_limits(robot: Robot | OmniRobot) -> None:
-    for name in ("speed", "acceleration", "turn_rate", "turn_acceleration", "reach"):
-        value = getattr(robot, name)
-        if not (math.isfinite(value) and value > 0.0):
-            raise ValueError(f"{name} is {value:g}: a limit must be positive and finite")
-
-
 def _check_waypoints(points: Array, reach: float, rate: float) -> None:
     if len(points) < 2 or not np.isfinite(points).all():
         raise ValueError(f"expected at least two finite waypoints, got shape {points.shape}")
@@ -216,9 +194,9 @@ def _braking_speed(acceleration: float, stop: float) -> float:
     return math.sqrt(1.6 * acceleration * stop)
 
 
-def _turn_towards(robot: Robot | OmniRobot, turn_rate: float, error: float, dt: float) -> float:
+def _turn_towards(limits: MotionLimits, turn_rate: float, error: float, dt: float) -> float:
     """Turn rate of the next step [rad/s], to make a heading error of ``error`` vanish without going past it."""
-    braking = math.sqrt(2.0 * robot.turn_acceleration * abs(error))
-    wanted = math.copysign(min(robot.turn_rate, 0.5 * braking, 4.0 * abs(error)), error)
-    change = robot.turn_acceleration * dt
+    braking = math.sqrt(2.0 * limits.turn_acceleration * abs(error))
+    wanted = math.copysign(min(limits.turn_rate, 0.5 * braking, 4.0 * abs(error)), error)
+    change = limits.turn_acceleration * dt
     return turn_rate + min(max(wanted - turn_rate, -change), change)

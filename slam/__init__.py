@@ -4,7 +4,8 @@ import importlib
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from slam.config import SlamConfig, load_config
+    from slam.config import SlamConfig
+    from slam.config_file import load_config
     from slam.metrics import ate, rpe
     from slam.pipeline import Slam, Step
     from slam.result import LandmarkMap, SlamResult
@@ -32,7 +33,7 @@ _HOMES = {
     "Step": "slam.pipeline",
     "Trajectory": "slam.trajectory",
     "ate": "slam.metrics",
-    "load_config": "slam.config",
+    "load_config": "slam.config_file",
     "rpe": "slam.metrics",
     "save_run": "slam.run_folder",
 }

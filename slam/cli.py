@@ -86,7 +86,7 @@ def demo(
 
     from sim.run import room_run
     from slam.checkpoint import Stand
-    from slam.config import load_config
+    from slam.config_file import load_config
     from slam.evaluate import evaluate_simulated
     from slam.pipeline import Slam
     from slam.run_folder import claimed, default_folder
@@ -139,7 +139,8 @@ def run(
     from drivers.excerpt import Excerpt
     from drivers.open_log import open_log
     from slam.checkpoint import Stand, discard_checkpoint, read_checkpoint
-    from slam.config import check_same, load_config, without_identities
+    from slam.config import without_identities
+    from slam.config_file import check_same, load_config
     from slam.pipeline import Slam
     from slam.run_folder import claimed, default_folder
     from slam.session import Session
@@ -214,7 +215,7 @@ def evaluate(
 @app.command("config")
 def show_config(sensor: Sensor = None, config: Config = None) -> None:
     """Print the effective configuration as TOML, each value with its meaning and unit."""
-    from slam.config import load_config, to_toml
+    from slam.config_file import load_config, to_toml
 
     typer.echo(to_toml(load_config(config, preset=sensor)), nl=False)
 

@@ -1,46 +1,12 @@
-"""What a frame shows, and what is kept of it when it becomes a key frame."""
+"""What is kept of a frame that becomes a key frame."""
 
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-from features.feature import Corners, Features
-from features.scan import LaserScan
 from features.se2 import Array
 from features.sensor import SensorModel
-from slam.graph import Observations
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class View:
-    """What a frame shows.
-
-    Parameters
-    ----------
-    corners_robot : corners of its scan, or landmarks that the sensor found itself, robot frame.
-    scan : without the motion during it, sensor frame; None where the sensor finds landmarks itself.
-    features : lines and corners of the scan, sensor frame.
-    identities : of the landmarks, shape (k,), where they are known.
-    """
-
-    corners_robot: Corners
-    scan: LaserScan | None = None
-    features: Features | None = None
-    identities: NDArray[np.int64] | None = None
-
-    def observations(self, landmarks: np.ndarray, scatter: float) -> Observations:
-        """Corners as observations of landmarks.
-
-        Parameters
-        ----------
-        landmarks : landmark of each corner, -1 for none, shape (k,).
-        scatter : standard deviation of a real corner, in x and y, beyond the noise of the sensor [m].
-        """
-        observed = landmarks >= 0
-        corners = self.corners_robot
-        covs = corners.covs[observed] + scatter**2 * np.eye(2)
-        return Observations(landmarks[observed], corners.positions[observed], covs)
+from slam.view import View
 
 
 @dataclass(frozen=True, slots=True, eq=False)

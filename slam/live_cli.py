@@ -73,7 +73,7 @@ def live(
     from datetime import datetime
 
     from drivers.rplidar import RawRecorder, Rplidar
-    from slam.config import load_config
+    from slam.config_file import load_config
     from slam.live_progress import LiveProgress
     from slam.pipeline import Slam
     from slam.run_folder import claimed, default_folder
@@ -194,7 +194,7 @@ def _recorder(path: Path, source: FrameSource, *, overwrite: bool) -> Recorder:
 
 
 def _slam(source: FrameSource, sensor: str | None, config: Path | None) -> Slam:
-    from slam.config import load_config
+    from slam.config_file import load_config
     from slam.pipeline import Slam
 
     return Slam(

@@ -9,29 +9,26 @@ import numpy as np
 from numpy.typing import NDArray
 
 from drivers.frame import Frame
-from features.extract import extract
 from features.feature import Features
-from features.scan import LaserScan
 from features.se2 import Array, Pose, compose, rotation
 from slam.association import Association, ObservationCounts
 from slam.compiled import load_compiled
 from slam.conclude import conclude, landmark_map
 from slam.config import SlamConfig
-from slam.deskew import deskew_by_odometry
 from slam.drifting_pose import Anchor
 from slam.ekf import LandmarkEkf
-from slam.errors import ConfigError, DivergedError
+from slam.errors import DivergedError
 from slam.front_end import FrontEnd
 from slam.graph import Closure, GraphEstimate
 from slam.graph_journal import JournaledGraph
-from slam.key_frame import KeyFrame, View
+from slam.key_frame import KeyFrame
 from slam.landmark import LandmarkTable
 from slam.loop_closing import LoopCloser
-from slam.observed import observed_points
 from slam.parts import gates, line_odometry, loop_rules
 from slam.records import Records
 from slam.result import RunMetrics, SlamResult
 from slam.stage_clock import StageClock, peak_memory_mb
+from slam.view import View, look
 from slam.watch import Trust, Watch
 
 logger = logging.getLogger(__name__)
@@ -184,27 +181,10 @@ class Slam:
         self._since_scan: Anchor = self._odometry.anchor()
 
     def _look(self, frame: Frame) -> View | None:
-        """Return what the frame shows; None for a record of odometry only."""
-        if frame.scan is not None:
-            return self._extract(frame.scan)
-        if frame.observations is None:
+        if frame.scan is None and frame.observations is None:
             return None
-        if self.config.odometry.source == "lines":
-            raise ConfigError(
-                "odometry.source is 'lines', but the source has no scans: expected 'line-aided' or 'wheel'"
-            )
-        points_robot, identities = observed_points(frame.observations, self._sensor)
-        return View(points_robot, identities=identities if self.config.front_end.use_identities else None)
-
-    def _extract(self, scan: LaserScan) -> View:
         with self._clock.timed("extract"):
-            if self.config.front_end.deskew:
-                # Without wheels the poses found so far tell how the robot moves.
-                alone = self.config.odometry.source == "lines"
-                poses = self._records.poses_map if alone else self._records.poses_odom
-                scan = deskew_by_odometry(scan, self._sensor, self._records.stamps, poses)
-            features = extract(scan, self._sensor, self.config.extraction)
-            return View(features.corners.to_robot(self._sensor.mounting), scan, features)
+            return look(frame, self.config, self._sensor, self._records)
 
     def _register(self, stamp: float, view: View) -> None:
         """Correct odometry by the walls."""

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from features.se2 import Array
-from slam.config import to_toml
+from slam.config_file import to_toml
 from slam.errors import RunFolderError
 from slam.result import SlamResult
 from slam.trajectory import Trajectory, read_tum, write_tum

@@ -191,7 +191,7 @@ def extract_scan(
 ) -> None:
     """Show the lines and corners of one scan of a log."""
     from drivers.open_log import open_log
-    from slam.config import load_config
+    from slam.config_file import load_config
     from slam.study.one_scan import feature_lines, scan_features
 
     source = open_log(log, scan_topic=scan_topic, odom_topic=odom_topic)

@@ -155,7 +155,7 @@ def export(
     from drivers.carmen_export import write_carmen
     from drivers.errors import RecordError
     from drivers.open_log import open_log
-    from slam.config import load_config
+    from slam.config_file import load_config
 
     if out.exists() and not overwrite:
         raise RecordError(f"{out} is there already: choose another name or give --overwrite")

@@ -10,7 +10,8 @@ from pydantic import BaseModel, ConfigDict, Field
 
 from features.se2 import Array
 from sim import EFFECTS, ODOMETRIES, Lidar, SimulatedRun, Site, find_site, site_run
-from slam.config import SlamConfig, load_config
+from slam.config import SlamConfig
+from slam.config_file import load_config
 from slam.ekf import POSE_DIM
 from slam.errors import StudyError
 from slam.metrics import mean_interval
@@ -81,7 +82,7 @@ def study_config(path: Path | None = None) -> SlamConfig:
     Raises
     ------
     ConfigError
-        See :func:`slam.config.load_config`.
+        See :func:`slam.config_file.load_config`.
     """
     return load_config(path, source_preset=SENSOR)
 

@@ -10,7 +10,7 @@ from typing import Any
 import tomlkit
 from pydantic import BaseModel
 
-from slam.config import fill_table
+from slam.config_file import fill_table
 from slam.errors import RunFolderError
 
 SETTINGS = "settings.toml"

@@ -1,9 +1,25 @@
-"""What the tests of studies share."""
+"""What the tests of studies and of the command line share."""
 
+import sys
 from collections.abc import Iterator
 
 import pytest
+from command_line import Call, Outcome
 from distributed import Client, LocalCluster
+
+from slam.cli import main
+
+
+@pytest.fixture
+def cwlf(capfd: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> Call:
+    def call(*arguments: object) -> Outcome:
+        monkeypatch.setattr(sys, "argv", ["cwlf-slam", *map(str, arguments)])
+        with pytest.raises(SystemExit) as leaving:
+            main()
+        captured = capfd.readouterr()
+        return Outcome(int(leaving.value.code or 0), captured.out, captured.err)
+
+    return call
 
 
 @pytest.fixture(scope="session")

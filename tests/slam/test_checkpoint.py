@@ -14,14 +14,15 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from command_line import Call
 
 import slam.checkpoint
 from drivers import CarmenLog, Frame
 from features import LaserScan
 from sim.run import room_run
 from slam.checkpoint import CHECKPOINT, Stand, read_checkpoint, write_checkpoint
-from slam.cli import main
-from slam.config import SlamConfig, load_config
+from slam.config import SlamConfig
+from slam.config_file import load_config
 from slam.errors import RunFolderError
 from slam.frame_digest import extend_digest
 from slam.pipeline import Slam
@@ -172,13 +173,12 @@ def log(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture
-def cwlf(capfd: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> Callable[..., tuple[int, str]]:
+def cwlf(cwlf: Call) -> Callable[..., tuple[int, str]]:
+    """Code and errors of a command, without its progress."""
+
     def call(*arguments: object) -> tuple[int, str]:
-        monkeypatch.setattr(sys, "argv", ["cwlf-slam", *map(str, arguments)])
-        with pytest.raises(SystemExit) as leaving:
-            main()
-        errors = [line for line in capfd.readouterr().err.splitlines() if "scans/s" not in line]
-        return int(leaving.value.code or 0), "\n".join(errors)
+        code, _, err = cwlf(*arguments)
+        return code, "\n".join(line for line in err.splitlines() if "scans/s" not in line)
 
     return call
 

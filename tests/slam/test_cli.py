@@ -6,18 +6,18 @@ import os
 import signal
 import subprocess
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from importlib.metadata import version
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 import pytest
+from command_line import Call
 
 import slam.plot
 from drivers import CarmenLog, Frame
 from sim.run import SimulatedRun, room_run
-from slam.cli import main
 from slam.trajectory import read_tum
 
 SCAN = "FLASER 8 1 1.1 1.2 1.3 1.4 1.5 1.6 1.7 0 0 0 {x} 0 0 {stamp} host {stamp}"
@@ -31,24 +31,6 @@ FILES = {
     "config.toml",
     "map.png",
 }
-
-
-class Outcome(NamedTuple):
-    code: int
-    out: str
-    err: str
-
-
-@pytest.fixture
-def cwlf(capfd: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> Callable[..., Outcome]:
-    def call(*arguments: object) -> Outcome:
-        monkeypatch.setattr(sys, "argv", ["cwlf-slam", *map(str, arguments)])
-        with pytest.raises(SystemExit) as leaving:
-            main()
-        captured = capfd.readouterr()
-        return Outcome(int(leaving.value.code or 0), captured.out, captured.err)
-
-    return call
 
 
 @pytest.fixture(scope="module")
@@ -87,7 +69,7 @@ def write_log(path: Path, *lines: str) -> Path:
 
 
 def test_run_writes_a_complete_folder_and_evaluate_reads_it(
-    cwlf: Callable[..., Outcome], room_log: Path, simulated: SimulatedRun, tmp_path: Path
+    cwlf: Call, room_log: Path, simulated: SimulatedRun, tmp_path: Path
 ) -> None:
     out = tmp_path / "run folder"
     outcome = cwlf("run", room_log, "--sensor", "rplidar-s1", "--out", out, "--seed", 5)
@@ -124,7 +106,7 @@ def test_run_writes_a_complete_folder_and_evaluate_reads_it(
     assert (again / "config.toml").read_bytes() == (out / "config.toml").read_bytes()
 
 
-def test_evaluate_relations_prints_the_promised_json(cwlf: Callable[..., Outcome], tmp_path: Path) -> None:
+def test_evaluate_relations_prints_the_promised_json(cwlf: Call, tmp_path: Path) -> None:
     log = write_log(tmp_path / "drive.log", *(SCAN.format(x=0.1 * k, stamp=float(k)) for k in range(5)))
     cwlf("run", log, "--out", tmp_path / "run")
     relations = tmp_path / "drive.relations"
@@ -137,7 +119,7 @@ def test_evaluate_relations_prints_the_promised_json(cwlf: Callable[..., Outcome
     assert "rotation_std_deg" in report
 
 
-def test_demo_evaluates_itself(cwlf: Callable[..., Outcome], tmp_path: Path) -> None:
+def test_demo_evaluates_itself(cwlf: Call, tmp_path: Path) -> None:
     outcome = cwlf("demo", "--out", tmp_path / "demo", "--seed", 2)
     assert outcome.code == 0
     metrics = json.loads((tmp_path / "demo" / "metrics.json").read_text())
@@ -146,12 +128,12 @@ def test_demo_evaluates_itself(cwlf: Callable[..., Outcome], tmp_path: Path) -> 
     assert "33 corners of the room" in outcome.out
 
 
-def test_limit_counts_scans(cwlf: Callable[..., Outcome], room_log: Path, tmp_path: Path) -> None:
+def test_limit_counts_scans(cwlf: Call, room_log: Path, tmp_path: Path) -> None:
     cwlf("run", room_log, "--limit", 7, "--out", tmp_path / "run")
     assert json.loads((tmp_path / "run" / "metrics.json").read_text())["scans"] == 7
 
 
-def test_part_of_a_log_is_run_on_request(cwlf: Callable[..., Outcome], room_log: Path, tmp_path: Path) -> None:
+def test_part_of_a_log_is_run_on_request(cwlf: Call, room_log: Path, tmp_path: Path) -> None:
     assert cwlf("run", room_log, "--limit", 5, "--every", 3, "--skip", 2.0, "--out", tmp_path / "run").code == 0
     stamps = np.loadtxt(tmp_path / "run" / "trajectory_online.tum")[:, 0]
     whole = np.loadtxt(tmp_path / "run" / "trajectory.tum")[:, 0]
@@ -163,9 +145,7 @@ def test_part_of_a_log_is_run_on_request(cwlf: Callable[..., Outcome], room_log:
     assert "skip less" in outcome.err
 
 
-def test_a_folder_that_is_not_empty_is_refused_until_told_otherwise(
-    cwlf: Callable[..., Outcome], room_log: Path, tmp_path: Path
-) -> None:
+def test_a_folder_that_is_not_empty_is_refused_until_told_otherwise(cwlf: Call, room_log: Path, tmp_path: Path) -> None:
     (tmp_path / "mine.txt").write_text("precious")
     outcome = cwlf("run", room_log, "--limit", 1, "--out", tmp_path)
     assert outcome.code == 1
@@ -176,7 +156,7 @@ def test_a_folder_that_is_not_empty_is_refused_until_told_otherwise(
 
 
 def test_the_default_folder_is_named_after_log_and_date(
-    cwlf: Callable[..., Outcome], room_log: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    cwlf: Call, room_log: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(tmp_path)
     assert cwlf("run", room_log, "--limit", 1).code == 0
@@ -196,7 +176,7 @@ BAD_LOGS: dict[str, tuple[bytes, str]] = {
 
 @pytest.mark.parametrize("kind", BAD_LOGS)
 def test_a_bad_log_is_one_line_with_file_and_cause(
-    kind: str, cwlf: Callable[..., Outcome], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    kind: str, cwlf: Call, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(tmp_path)
     content, cause = BAD_LOGS[kind]
@@ -211,14 +191,14 @@ def test_a_bad_log_is_one_line_with_file_and_cause(
 
 
 @pytest.mark.parametrize(("name", "cause"), [("missing.log", "no such file"), ("", "is a folder without")])
-def test_a_log_that_is_none_is_one_line(name: str, cause: str, cwlf: Callable[..., Outcome], tmp_path: Path) -> None:
+def test_a_log_that_is_none_is_one_line(name: str, cause: str, cwlf: Call, tmp_path: Path) -> None:
     outcome = cwlf("run", tmp_path / name)
     assert outcome.code == 1
     assert len(outcome.err.splitlines()) == 1
     assert cause in outcome.err
 
 
-def test_what_came_before_a_broken_line_is_kept(cwlf: Callable[..., Outcome], tmp_path: Path) -> None:
+def test_what_came_before_a_broken_line_is_kept(cwlf: Call, tmp_path: Path) -> None:
     good = [SCAN.format(x=0.1 * k, stamp=float(k)) for k in range(3)]
     log = write_log(tmp_path / "half.log", *good, SCAN.format(x=1, stamp=3.0).replace(" 1.1", " nan"), good[2])
     out = tmp_path / "run"
@@ -231,7 +211,7 @@ def test_what_came_before_a_broken_line_is_kept(cwlf: Callable[..., Outcome], tm
     assert len(read_tum(out / "trajectory.tum")) == 3
 
 
-def test_a_truncated_last_line_costs_that_line_only(cwlf: Callable[..., Outcome], tmp_path: Path) -> None:
+def test_a_truncated_last_line_costs_that_line_only(cwlf: Call, tmp_path: Path) -> None:
     good = [SCAN.format(x=0.1 * k, stamp=float(k)) for k in range(3)]
     log = tmp_path / "cut.log"
     log.write_text("\n".join([*good, SCAN.format(x=1, stamp=3.0)[:25]]))
@@ -246,9 +226,7 @@ def test_a_truncated_last_line_costs_that_line_only(cwlf: Callable[..., Outcome]
     assert len(read_tum(tmp_path / "run" / "trajectory.tum")) == 3
 
 
-def test_a_misspelt_key_and_an_unknown_sensor_are_named(
-    cwlf: Callable[..., Outcome], room_log: Path, tmp_path: Path
-) -> None:
+def test_a_misspelt_key_and_an_unknown_sensor_are_named(cwlf: Call, room_log: Path, tmp_path: Path) -> None:
     wrong = tmp_path / "wrong.toml"
     wrong.write_text("[front_end]\nmatch_probabilty = 0.9\n")
     outcome = cwlf("run", room_log, "--config", wrong)
@@ -257,19 +235,19 @@ def test_a_misspelt_key_and_an_unknown_sensor_are_named(
     assert "rplidar-s1" in cwlf("run", room_log, "--sensor", "s9").err
 
 
-def test_the_version_is_that_of_the_package(cwlf: Callable[..., Outcome]) -> None:
+def test_the_version_is_that_of_the_package(cwlf: Call) -> None:
     outcome = cwlf("--version")
     assert (outcome.code, outcome.out) == (0, f"cwlf-slam {version('cwlf-slam')}\n")
 
 
-def test_bad_usage_is_exit_code_2(cwlf: Callable[..., Outcome], tmp_path: Path) -> None:
+def test_bad_usage_is_exit_code_2(cwlf: Call, tmp_path: Path) -> None:
     assert cwlf("run").code == 2
     assert cwlf("evaluate", tmp_path).code == 2
     assert cwlf("demo", "--seed", "-1").code == 2
     assert cwlf("run", tmp_path / "any.log", "--resume").code == 2
 
 
-def test_config_prints_toml_that_config_reads(cwlf: Callable[..., Outcome], tmp_path: Path) -> None:
+def test_config_prints_toml_that_config_reads(cwlf: Call, tmp_path: Path) -> None:
     printed = cwlf("config", "--sensor", "rplidar-s1").out
     copy = tmp_path / "copy.toml"
     copy.write_text(printed)
@@ -296,7 +274,7 @@ def interruptible() -> Iterator[None]:
 
 @pytest.mark.usefixtures("interruptible")
 def test_ctrl_c_leaves_a_complete_folder_of_what_was_done(
-    cwlf: Callable[..., Outcome], room_log: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    cwlf: Call, room_log: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     frames = CarmenLog.__iter__
 
@@ -319,7 +297,7 @@ def test_ctrl_c_leaves_a_complete_folder_of_what_was_done(
 
 @pytest.mark.usefixtures("interruptible")
 def test_ctrl_c_while_the_folder_is_written_leaves_it_complete(
-    cwlf: Callable[..., Outcome], room_log: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    cwlf: Call, room_log: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     draw_map = slam.plot.draw_map
 
@@ -343,7 +321,7 @@ def test_output_that_cannot_be_written_is_one_line() -> None:
     assert process.stderr.splitlines() == ["cwlf-slam: [Errno 28] No space left on device"]
 
 
-def test_a_bag_that_is_cut_short_is_run_as_far_as_it_goes(cwlf: Callable[..., Outcome], tmp_path: Path) -> None:
+def test_a_bag_that_is_cut_short_is_run_as_far_as_it_goes(cwlf: Call, tmp_path: Path) -> None:
     """Two real scanners without odometry: one is chosen, the motion comes from its scans."""
     whole = DATA / "two-lidars.bag"
     if not whole.is_file():

@@ -9,7 +9,8 @@ from pydantic import ValidationError
 
 from features.errors import CwlfError
 from features.sensor import SENSOR_PRESETS, Mounting
-from slam.config import SlamConfig, load_config, to_toml
+from slam.config import SlamConfig
+from slam.config_file import load_config, to_toml
 from slam.errors import ConfigError
 
 OTHER = """

@@ -1,7 +1,6 @@
 """The command ``emulate`` as a user meets it."""
 
 import signal
-import sys
 import threading
 from collections.abc import Callable
 from pathlib import Path
@@ -9,26 +8,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 import serial
+from command_line import Call
 
 from drivers.rplidar import Command
 from drivers.rplidar.requests import express_scan, request
 from sim.emulator.terminal import Terminal
-from slam.cli import main
 from slam.emulate_cli import _laps
-
-Call = Callable[..., tuple[int, str, str]]
-
-
-@pytest.fixture
-def cwlf(capfd: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> Call:
-    def call(*arguments: object) -> tuple[int, str, str]:
-        monkeypatch.setattr(sys, "argv", ["cwlf-slam", *map(str, arguments)])
-        with pytest.raises(SystemExit) as leaving:
-            main()
-        captured = capfd.readouterr()
-        return int(leaving.value.code or 0), captured.out, captured.err
-
-    return call
 
 
 def test_ctrl_c_ends_it_with_the_books_and_the_truth(

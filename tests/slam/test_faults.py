@@ -14,7 +14,7 @@ from features import LaserScan
 from features.se2 import Array, between, compose
 from features.sensor import Mounting
 from sim.run import room_run
-from slam.config import load_config
+from slam.config_file import load_config
 from slam.metrics import ate
 from slam.pipeline import Slam
 from slam.result import SlamResult

@@ -1,11 +1,9 @@
 """Live, record and replay as a user meets them, against an emulated scanner."""
 
 import json
-import sys
 import threading
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from pathlib import Path
-from typing import NamedTuple
 
 import numpy as np
 import pytest
@@ -17,25 +15,6 @@ from drivers.recording import Recording
 from drivers.rplidar import RawRecorder, RevolutionDecoder
 from features.sensor import Mounting
 from sim.emulator.terminal import Terminal
-from slam.cli import main
-
-
-class Outcome(NamedTuple):
-    code: int
-    out: str
-    err: str
-
-
-@pytest.fixture
-def cwlf(capfd: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> Callable[..., Outcome]:
-    def call(*arguments: object) -> Outcome:
-        monkeypatch.setattr(sys, "argv", ["cwlf-slam", *map(str, arguments)])
-        with pytest.raises(SystemExit) as leaving:
-            main()
-        captured = capfd.readouterr()
-        return Outcome(int(leaving.value.code or 0), captured.out, captured.err)
-
-    return call
 
 
 @pytest.fixture

@@ -5,7 +5,7 @@ from hypothesis import strategies as st
 
 from features.se2 import rotation
 from sim import room_run
-from slam.config import load_config
+from slam.config_file import load_config
 from slam.errors import ViewError
 from slam.live_view import LiveView, ring
 from slam.pipeline import Slam

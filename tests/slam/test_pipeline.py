@@ -21,7 +21,8 @@ from sim.robot import Robot
 from sim.run import SimulatedRun, room_run
 from sim.world import World
 from sim.worlds import room
-from slam.config import SlamConfig, load_config
+from slam.config import SlamConfig
+from slam.config_file import load_config
 from slam.errors import DivergedError
 from slam.graph import LandmarkGraph
 from slam.metrics import ate, match_landmarks

@@ -1,35 +1,19 @@
 """The commands ``study`` and ``extract`` as a user meets them."""
 
 import json
-import sys
-from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 import pytest
+from command_line import Call
 from distributed import Client
 
 from features.se2 import pose
 from sim import Lidar, SimulatedRun, room, room_run
-from slam.cli import main
 from slam.errors import DivergedError
 from slam.study import simulated
 from slam.study.monte_carlo import study_config
 from slam.study.tasks import task_seed
-
-Call = Callable[..., tuple[int, str, str]]
-
-
-@pytest.fixture
-def cwlf(capfd: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> Call:
-    def call(*arguments: object) -> tuple[int, str, str]:
-        monkeypatch.setattr(sys, "argv", ["cwlf-slam", *map(str, arguments)])
-        with pytest.raises(SystemExit) as leaving:
-            main()
-        captured = capfd.readouterr()
-        return int(leaving.value.code or 0), captured.out, captured.err
-
-    return call
 
 
 @pytest.fixture

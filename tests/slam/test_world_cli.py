@@ -4,34 +4,21 @@ import json
 import os
 import signal
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from pathlib import Path
 from typing import get_args
 
 import numpy as np
 import pytest
+from command_line import Call
 from PIL import Image
 
 from drivers import CarmenLog, Frame, Recording
 from sim import EFFECTS, ODOMETRIES, Lidar, SimulatedRun, find_site, site_run
-from slam.cli import main
 from slam.world_cli import EffectsOption, OdometryOption
 
-Call = Callable[..., tuple[int, str, str]]
 DATA = Path(os.environ.get("CWLF_DATA", Path(__file__).parents[2] / ".." / "shared" / "data"))
 EXAMPLES = Path(__file__).parents[2] / "examples"
-
-
-@pytest.fixture
-def cwlf(capfd: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> Call:
-    def call(*arguments: object) -> tuple[int, str, str]:
-        monkeypatch.setattr(sys, "argv", ["cwlf-slam", *map(str, arguments)])
-        with pytest.raises(SystemExit) as leaving:
-            main()
-        captured = capfd.readouterr()
-        return int(leaving.value.code or 0), captured.out, captured.err
-
-    return call
 
 
 def world_file(path: Path, *walls: object, **keys: object) -> Path:
