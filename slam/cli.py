@@ -39,6 +39,7 @@ def main() -> None:
     # The matrices are small: threads of the linear algebra would wait for each other. Read when numpy is imported.
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     logging.basicConfig(level=logging.WARNING, format="%(levelname)s: %(message)s", stream=sys.stderr)
+    logging.getLogger("slam.compiled").setLevel(logging.INFO)
     logging.captureWarnings(capture=True)
     try:
         app()
