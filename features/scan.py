@@ -1,5 +1,6 @@
 """One revolution or sweep of a 2D laser scanner."""
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -36,14 +37,15 @@ class LaserScan:
         angles = np.ascontiguousarray(self.angles, dtype=np.float64)
         if ranges.ndim != 1 or ranges.shape != angles.shape:
             raise ScanFormatError(f"a scan needs one angle per range: {ranges.shape} ranges, {angles.shape} angles")
-        unusable = ~(ranges >= 0.0)
-        if unusable.any():
-            beam = int(unusable.argmax())
+        usable = ranges >= 0.0
+        if not usable.all():
+            beam = int(usable.argmin())
             raise ScanFormatError(f"range of beam {beam} is {ranges[beam]:g}: expected metres, or inf for no return")
-        if not np.isfinite(angles).all():
-            beam = int((~np.isfinite(angles)).argmax())
+        finite = np.isfinite(angles)
+        if not finite.all():
+            beam = int(finite.argmin())
             raise ScanFormatError(f"angle of beam {beam} is {angles[beam]:g}: expected radians")
-        if not np.isfinite(self.stamp):
+        if not math.isfinite(self.stamp):
             raise ScanFormatError(f"stamp is {self.stamp:g}: expected seconds")
         if self.times is not None:
             times = np.ascontiguousarray(self.times, dtype=np.float64)

@@ -196,16 +196,10 @@ def _joint_distance2(innovations: Array, cov: Array) -> float:
 def _joint_cov(corners_robot: Corners, ekf: LandmarkEkf, corners: Indices, landmarks: Indices) -> Array:
     """Covariance of the innovations of several pairs together, shape (2 m, 2 m) [m^2]."""
     m = len(corners)
-    by_pose, by_landmark = corner_jacobian_blocks(ekf.x, landmarks)
-    states = POSE_DIM + 2 * landmarks[:, None] + np.arange(2)
-    mixed = np.einsum("aik,kbj,lj->aibl", by_pose, ekf.P[:POSE_DIM, states], by_landmark)
-    cov = np.einsum("aik,kj,blj->aibl", by_pose, ekf.P[:POSE_DIM, :POSE_DIM], by_pose)
-    cov += mixed + mixed.transpose(2, 3, 0, 1)
-    among = ekf.P[states[:, :, None, None], states[None, None]]
-    cov += np.einsum("ik,akbj,lj->aibl", by_landmark, among, by_landmark)
-    same = corners[:, None] == corners[None, :]
-    cov += np.einsum("ab,aij->aibj", same, corners_robot.covs[corners])
-    return cov.reshape(2 * m, 2 * m)
+    _, cov = ekf.relative(landmarks)
+    rows, columns = np.nonzero(corners[:, None] == corners)
+    cov.reshape(m, 2, m, 2)[rows, :, columns] += corners_robot.covs[corners[rows]]
+    return cov
 
 
 def _innovations(corners_robot: Corners, ekf: LandmarkEkf) -> tuple[Array, Array]:

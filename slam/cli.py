@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import logging
 import os
 import sys
@@ -38,7 +39,10 @@ def main() -> None:
     """Run the command line: errors in the data, and output that is full, become one line on stderr and exit code 1."""
     # The matrices are small: threads of the linear algebra would wait for each other. Read when numpy is imported.
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+    # Of the libraries alone hundreds of thousands of objects stay: to look through them for garbage takes a second.
+    gc.set_threshold(50_000)
     logging.basicConfig(level=logging.WARNING, format="%(levelname)s: %(message)s", stream=sys.stderr)
+    logging.getLogger("slam.compiled").setLevel(logging.INFO)
     logging.captureWarnings(capture=True)
     try:
         app()

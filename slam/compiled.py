@@ -1,6 +1,9 @@
 """Compiled code is loaded, or made at the very first use on a machine, before the clock of a run starts."""
 
+import logging
+
 import numpy as np
+from numba.core.event import Event, Listener, install_listener
 
 from features.extract import extract
 from features.scan import LaserScan
@@ -9,9 +12,33 @@ from slam.config import SlamConfig
 from slam.front_end import FrontEnd
 from slam.parts import gates, line_odometry
 
+logger = logging.getLogger(__name__)
+
 
 def load_compiled(config: SlamConfig) -> None:
-    """Send two scans of the corner of a room through odometry and front end, so that each kernel was called."""
+    """Call each kernel once; where one has to be compiled first, say so."""
+    with install_listener("numba:compile", Notice()):
+        _call_kernels(config)
+
+
+class Notice(Listener):
+    """Says once, before the first function is compiled, that this takes its time."""
+
+    def __init__(self) -> None:
+        self._said = False
+
+    def on_start(self, event: Event) -> None:
+        """Hear that a function is about to be compiled; one that is loaded is not heard of."""
+        if not self._said:
+            self._said = True
+            logger.info("compiling for this computer, once: that takes about a minute")
+
+    def on_end(self, event: Event) -> None:
+        """Hear that it is compiled."""
+
+
+def _call_kernels(config: SlamConfig) -> None:
+    """Send two scans of the corner of a room through odometry and front end."""
     sensor = config.sensor.model()
     angles = np.linspace(0.0, np.pi / 2.0, 90)
     scan = LaserScan(2.0 / np.maximum(np.cos(angles), np.sin(angles)), angles)

@@ -39,7 +39,7 @@ class DriftingPose:
 
     def move(self, motion: Pose, motion_cov: Array) -> None:
         """Append a motion, a pose in the robot's frame before it, with the covariance of its coordinates (eq. M11)."""
-        self.pose, self.cov, self.finite = _move(self.pose, self.cov, self._crosses, motion, motion_cov)
+        self.pose, self.cov, self.finite = move(self.pose, self.cov, self._crosses, motion, motion_cov)
 
     def doubt(self, slip: Array) -> None:
         """Allow for a slip since the anchors, shape (3,), that nothing foresaw, as large as it turned out (eq. M32)."""
@@ -109,8 +109,15 @@ class Anchor:
 
 
 @njit(cache=True, error_model="numpy")
-def _move(pose, cov, crosses, motion, motion_cov):
-    """Pose and covariance after a motion, and whether they are finite; crosses are changed in place."""
+def move(pose, cov, crosses, motion, motion_cov):
+    """Pose and covariance after a motion, and whether they are finite; crosses are changed in place.
+
+    Parameters
+    ----------
+    pose, cov : of the robot, shapes (3,) and (3, 3).
+    crosses : covariances of the pose with whatever stands still, shape (k, 3, m).
+    motion, motion_cov : a pose in the robot's frame before it, and the covariance of its coordinates.
+    """
     c = math.cos(pose[2])
     s = math.sin(pose[2])
     arm_x = c * motion[0] - s * motion[1]

@@ -12,10 +12,11 @@ from dataclasses import dataclass
 import numpy as np
 from filterpy.kalman import ExtendedKalmanFilter
 from numpy.typing import NDArray
-from scipy.linalg import block_diag, cho_factor, cho_solve
+from scipy.linalg import cho_factor, cho_solve
 from scipy.sparse import csr_array
 
-from features.se2 import Array, Pose, compose, compose_jacobians, rotation, wrap_angle
+from features.se2 import Array, Pose, rotation, wrap_angle
+from slam.drifting_pose import move
 from slam.errors import DivergedError
 
 POSE_DIM = 3
@@ -72,15 +73,15 @@ class LandmarkEkf(ExtendedKalmanFilter):
         DivergedError
             The moved pose or its covariance is not finite.
         """
-        by_pose, by_motion = compose_jacobians(self.x[:POSE_DIM], u)
-        x, P = self.x.copy(), self.P.copy()
-        x[:POSE_DIM] = compose(self.x[:POSE_DIM], u)
-        P[:POSE_DIM] = by_pose @ P[:POSE_DIM]
-        P[:, :POSE_DIM] = P[:, :POSE_DIM] @ by_pose.T
-        P[:POSE_DIM, :POSE_DIM] += by_motion @ self.Q @ by_motion.T
-        if not (np.isfinite(x[:POSE_DIM]).all() and np.isfinite(P[:POSE_DIM, :POSE_DIM]).all()):
+        cross = self.P[:POSE_DIM, POSE_DIM:].copy()
+        pose, cov, finite = move(self.x[:POSE_DIM], self.pose_cov, cross[None], u, self.Q)
+        if not finite:
             raise DivergedError("the pose or its covariance is no longer finite: look at the odometry and the mounting")
-        self.x, self.P = x, P
+        self.x, self.P = self.x.copy(), self.P.copy()
+        self.x[:POSE_DIM] = pose
+        self.P[:POSE_DIM, :POSE_DIM] = cov
+        self.P[:POSE_DIM, POSE_DIM:] = cross
+        self.P[POSE_DIM:, :POSE_DIM] = cross.T
         self._save_prior()
 
     def update(
@@ -125,7 +126,7 @@ class LandmarkEkf(ExtendedKalmanFilter):
             positions_robot.ravel(),
             lambda x: corner_jacobian(x, landmarks),
             lambda x: predict_corners(x, landmarks).ravel(),
-            R=np.asarray(block_diag(*covs)),
+            R=block_diagonal(covs),
         )
 
     def add_landmarks(self, positions_robot: Array, cov: Array) -> None:
@@ -152,9 +153,10 @@ class LandmarkEkf(ExtendedKalmanFilter):
         """Landmarks in the robot frame, shape (n, 2) [m]."""
         return predict_corners(self.x, np.arange(len(self.landmarks)))
 
-    def relative(self) -> tuple[Array, Array]:
-        """Landmarks in the robot frame, shape (n, 2) [m], and their joint covariance, shape (2 n, 2 n) [m^2]."""
-        landmarks = np.arange(len(self.landmarks))
+    def relative(self, landmarks: NDArray[np.int64] | None = None) -> tuple[Array, Array]:
+        """Landmarks, all by default, in the robot frame, shape (k, 2), and their joint covariance, shape (2 k, 2 k)."""
+        if landmarks is None:
+            landmarks = np.arange(len(self.landmarks))
         H = corner_jacobian(self.x, landmarks)
         return predict_corners(self.x, landmarks), np.asarray(H @ (H @ self.P).T)
 
@@ -179,6 +181,15 @@ class LandmarkEkf(ExtendedKalmanFilter):
 
     def _save_posterior(self) -> None:
         self.x_post, self.P_post = self.x, self.P
+
+
+def block_diagonal(blocks: Array) -> Array:
+    """Matrix of 2x2 blocks on its diagonal, shape (2 k, 2 k), of blocks (k, 2, 2)."""
+    count = len(blocks)
+    matrix = np.zeros((count, 2, count, 2))
+    own = np.arange(count)
+    matrix[own, :, own] = blocks
+    return matrix.reshape(2 * count, 2 * count)
 
 
 def predict_corners(x: Array, landmarks: NDArray[np.int64]) -> Array:

@@ -1,8 +1,8 @@
 """A digest of the frames of a source, by which the same frames are known again."""
 
+import functools
 import hashlib
 import struct
-from collections.abc import Iterator
 from dataclasses import fields, is_dataclass
 from typing import Any
 
@@ -14,19 +14,23 @@ from drivers.frame import Frame
 def extend_digest(digest: bytes, frame: Frame) -> bytes:
     """Digest of the frames before and one more; two sources that share it share every value of their frames."""
     chain = hashlib.blake2b(digest, digest_size=16)
-    for part in _parts(frame):
-        chain.update(part)
+    _extend(chain, frame)
     return chain.digest()
 
 
-def _parts(value: Any) -> Iterator[bytes]:
-    if is_dataclass(value):
-        for field in fields(value):
-            yield from _parts(getattr(value, field.name))
-    elif isinstance(value, np.ndarray):
-        yield repr((value.shape, value.dtype.str)).encode()
-        yield np.ascontiguousarray(value).tobytes()
+def _extend(chain: "hashlib.blake2b", value: Any) -> None:
+    if isinstance(value, np.ndarray):
+        chain.update(repr((value.shape, value.dtype.str)).encode())
+        chain.update(np.ascontiguousarray(value).data)
     elif isinstance(value, float):
-        yield struct.pack("d", value)
+        chain.update(struct.pack("d", value))
+    elif is_dataclass(value):
+        for name in _names(type(value)):
+            _extend(chain, getattr(value, name))
     else:
-        yield repr(value).encode()
+        chain.update(repr(value).encode())
+
+
+@functools.cache
+def _names(kind: type) -> tuple[str, ...]:
+    return tuple(field.name for field in fields(kind))

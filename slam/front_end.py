@@ -6,7 +6,6 @@ from itertools import combinations
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import block_diag
 from scipy.sparse import csr_array
 
 from features.feature import Corners
@@ -14,7 +13,7 @@ from features.scan import LaserScan
 from features.se2 import Array, Pose, wrap_angle
 from features.sensor import SensorModel
 from slam.association import Association, Gates, Signatures, associate, associate_identified
-from slam.ekf import POSE_DIM, LandmarkEkf, corner_jacobian_blocks
+from slam.ekf import POSE_DIM, LandmarkEkf, block_diagonal, corner_jacobian_blocks
 from slam.landmark import GONE, LOCAL, LandmarkTable
 from slam.visibility import seen_through, similar_pairs
 
@@ -83,7 +82,7 @@ class FrontEnd:
             landmarks[matched] = self.local[association.landmarks]
             table.see(landmarks[matched], corners_robot, matched, ekf.x[2])
         if new.size:
-            ekf.add_landmarks(corners_robot.positions[new], np.asarray(block_diag(*corners_robot.covs[new])))
+            ekf.add_landmarks(corners_robot.positions[new], block_diagonal(corners_robot.covs[new]))
             landmarks[new] = self._enter(corners_robot, new, identities)
             self.local = np.concatenate([self.local, landmarks[new]])
         self._remember_apart(landmarks[np.isnan(corners_robot.opening_angles) & (landmarks >= 0)])
@@ -136,15 +135,18 @@ class FrontEnd:
         if not self.local.size:
             return
         table = self.table
-        positions_robot, cov = self.ekf.relative()
         seen_now = _among(self.local, seen)
         slots = np.flatnonzero(seen_now | (table.homes[self.local] == LOCAL))
-        blocks = 2 * slots[:, None] + np.arange(2)
-        covs = cov[blocks[:, :, None], blocks[:, None, :]]
-        table.settle(self.local[slots], key_frame, self.ekf.x[2], positions_robot[slots], covs)
-        far = ~seen_now & (np.hypot(positions_robot[:, 0], positions_robot[:, 1]) > self._keep_distance)
-        table.rest(self.local[far])
-        self._drop(far)
+        if slots.size:
+            positions_robot, cov = self.ekf.relative(slots)
+            own = np.arange(slots.size)
+            covs = cov.reshape(slots.size, 2, slots.size, 2)[own, :, own]
+            table.settle(self.local[slots], key_frame, self.ekf.x[2], positions_robot, covs)
+        x, y = (self.ekf.landmarks - self.ekf.x[:2]).T
+        far = ~seen_now & (np.hypot(x, y) > self._keep_distance)
+        if far.any():
+            table.rest(self.local[far])
+            self._drop(far)
 
     def rebase(self, pose_world_robot: Pose, cov: Array) -> None:
         """Put the robot where the graph has it; the landmarks near it go along."""
@@ -175,7 +177,7 @@ class FrontEnd:
         turns = homes[:, 2] - self.ekf.x[2]
         c, s = np.cos(turns), np.sin(turns)
         axes = np.array([[c, -s], [s, c]]).transpose(2, 0, 1)
-        own = np.asarray(block_diag(*(axes @ table.covs[known] @ axes.transpose(0, 2, 1))))
+        own = block_diagonal(axes @ table.covs[known] @ axes.transpose(0, 2, 1))
         self.ekf.add_landmarks(transform_back(self.ekf.pose, positions_world), own + by_pose @ cov @ by_pose.T)
         table.wake(known, homes[:, 2])
         self.local = np.concatenate([self.local, known])

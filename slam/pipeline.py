@@ -161,8 +161,9 @@ class Slam:
                     self._close_loop()
                 elif self._front.returned:
                     self._rebase()
-        self._records.add_scan(self.pose)
-        return Step(frame.stamp, self.pose, view.features, association)
+        pose = self.pose
+        self._records.add_scan(pose)
+        return Step(frame.stamp, pose, view.features, association)
 
     def _predict(self, stamp: float, pose_odom_robot: Pose) -> None:
         """Move odometry on to a record."""

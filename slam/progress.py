@@ -8,8 +8,8 @@ from typing import Self
 from rich.console import Console
 from rich.progress import BarColumn, Progress, SpinnerColumn, TextColumn
 
-LINE_EVERY_S = 10.0
-"""Interval between plain lines [s]."""
+BAR_EVERY_S, LINE_EVERY_S = 0.1, 10.0
+"""Interval between looks of the bar, and between plain lines [s]."""
 
 
 class RunProgress:
@@ -37,7 +37,9 @@ class RunProgress:
         )
         self._task = self._bar.add_task(title, total=1.0, figures="")
         self._bar.update(self._task, completed=begun)
-        self._started = self._last_line = time.monotonic()
+        self._interval = BAR_EVERY_S if self._console.is_terminal else LINE_EVERY_S
+        self._started = time.monotonic()
+        self._due = self._started + self._interval
 
     def __enter__(self) -> Self:
         self._bar.start()
@@ -51,6 +53,9 @@ class RunProgress:
     def update(self, share: float, count: int) -> None:
         """Show that ``share`` of all, 0 to 1, is done, and so many scans since the start."""
         now = time.monotonic()
+        if now < self._due:
+            return
+        self._due = now + self._interval
         elapsed = now - self._started
         rate = count / elapsed if elapsed > 0.0 else 0.0
         figures = f"{count:,} {self._unit}, {rate:,.{0 if rate >= 10.0 else 1}f} {self._unit}/s"
@@ -58,8 +63,7 @@ class RunProgress:
             remaining = timedelta(seconds=round(elapsed * (1.0 - share) / (share - self._begun)))
             figures += f", {remaining} remaining"
         self._bar.update(self._task, completed=share, figures=figures)
-        if not self._console.is_terminal and now - self._last_line >= LINE_EVERY_S:
-            self._last_line = now
+        if not self._console.is_terminal:
             self.say(f"{self._title}: {share:.0%}, {figures}")
 
     def solving(self) -> None:

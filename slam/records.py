@@ -45,7 +45,7 @@ class Records:
         pose_odom_robot = np.array(frame.pose_odom_robot, dtype=np.float64)
         if pose_odom_robot.shape != (3,):
             raise ValueError(f"odometry pose of shape {pose_odom_robot.shape}: expected [x, y, theta] of shape (3,)")
-        if not (math.isfinite(frame.stamp) and np.isfinite(pose_odom_robot).all()):
+        if not (math.isfinite(frame.stamp) and all(map(math.isfinite, pose_odom_robot.tolist()))):
             raise ValueError(f"stamp {frame.stamp} or odometry pose {pose_odom_robot} is not finite")
         if self.stamps and frame.stamp < self.stamps[-1]:
             raise ValueError(

@@ -70,7 +70,7 @@ def register(
     """
     sensor = scan.sensor
     pose, information, pull, inliers = register_kernel(
-        scan.points, scan.ranges, scan.bearings, scan.lines, scan.normals, scan.walls_robot,
+        scan.points, scan.ranges, scan.lines, scan.normals, scan.walls_robot,
         sensor.mounting.x, sensor.mounting.y, sensor.sigma_range**2, sensor.sigma_bearing**2,
         walls, prior, prior_cov, start, rules.gate, rules.final_gate, rules.reach, rules.scatter**2, rules.roughness**2,
         rules.kernel**2, math.cos(rules.turn), rules.crookedness**2, rules.step**2, rules.max_iterations,

@@ -6,7 +6,7 @@ import numpy as np
 from numba import njit
 
 from slam.line_map import CENTER, LENGTH, NORMAL_X, NORMAL_Y, VAR_ANGLE, VAR_OFFSET, WALL_X, WALL_Y
-from slam.scan_points import behind
+from slam.scan_points import behind, directions_of
 
 NEAREST = 0.05
 """A sensor nearer to the line of a wall than this does not see it [m]."""
@@ -52,13 +52,14 @@ def _take_off_feigned(information, pull, crookedness2):
 
 @njit(cache=True, error_model="numpy", fastmath=SUMS)
 def register_kernel(
-    points, ranges, bearings, lines, normals, walls_robot, origin_x, origin_y, var_range, var_bearing, walls, prior,
+    points, ranges, lines, normals, walls_robot, origin_x, origin_y, var_range, var_bearing, walls, prior,
     prior_cov, start, gate, final_gate, reach, var_scatter, var_rough, kernel2, cos_turn, crookedness2,
     step_limit2, max_iterations,
 ):  # fmt: skip
     """Fit a scan to walls; return pose, information, pull and the number of points on a wall (eq. M27-M31)."""
     n = ranges.size
-    turned = np.empty((n, 2))
+    directions = directions_of(points, origin_x, origin_y)
+    turned = np.empty((n, 4))
     beams = np.empty((n, 6))
     knowledge = np.empty((len(walls_robot), 3))
     sums = np.empty((len(walls_robot), 8))
@@ -72,12 +73,12 @@ def register_kernel(
         # A wide gate takes in what a good start would not: the wider it is, the less a residual says.
         spread = 0.0 if last else gate * gate / 16.0
         _lay_walls(
-            points, bearings, lines, normals, origin_x, origin_y, walls, pose, gate, reach,
+            points, directions, lines, normals, origin_x, origin_y, walls, pose, gate, reach,
             max(var_scatter, spread), cos_turn, turned, beams, knowledge,
         )  # fmt: skip
         inliers = _accumulate(
-            ranges, bearings, lines, beams, knowledge, pose[2], var_range, var_bearing, var_rough, spread, kernel2,
-            sums, information, gradient,
+            points, ranges, lines, origin_x, origin_y, beams, knowledge, pose[2], var_range, var_bearing, var_rough,
+            spread, kernel2, sums, information, gradient,
         )  # fmt: skip
         offset = pose - prior
         offset[2] = (offset[2] + math.pi) % (2.0 * math.pi) - math.pi
@@ -94,18 +95,20 @@ def register_kernel(
 
 @njit(cache=True, error_model="numpy", fastmath=SUMS, forceinline=True)
 def _lay_walls(
-    points, bearings, lines, normals, origin_x, origin_y, walls, pose, gate, reach, var_scatter, cos_turn, turned,
+    points, directions, lines, normals, origin_x, origin_y, walls, pose, gate, reach, var_scatter, cos_turn, turned,
     beams, knowledge,
 ):  # fmt: skip
     """Sum up, for each beam, the walls behind it, and for each line of the scan what the walls know of it (eq. M28)."""
     beams[:] = 0.0
     knowledge[:] = 0.0
-    n = bearings.size
+    n = directions.size
     c = math.cos(pose[2])
     s = math.sin(pose[2])
     for i in range(n):
         turned[i, 0] = c * points[i, 0] - s * points[i, 1]
         turned[i, 1] = s * points[i, 0] + c * points[i, 1]
+        turned[i, 2] = c * normals[i, 0] - s * normals[i, 1]
+        turned[i, 3] = s * normals[i, 0] + c * normals[i, 1]
     sensor_x = c * origin_x - s * origin_y
     sensor_y = s * origin_x + c * origin_y
     for k in range(len(walls)):
@@ -123,7 +126,7 @@ def _lay_walls(
         lever_center = lever + walls[k, CENTER]
         certain_offset = 1.0 / walls[k, VAR_OFFSET]
         certain_angle = 1.0 / walls[k, VAR_ANGLE]
-        begin, end = behind(bearings, arm_x, arm_y, normal_x, normal_y, half, pose[2])
+        begin, end = behind(directions, arm_x, arm_y, normal_x, normal_y, half, c, s)
         for m in range(begin, end):
             i = m if m < n else m - n
             x = turned[i, 0]
@@ -133,8 +136,7 @@ def _lay_walls(
             if abs(residual) > gate or abs(turning - lever) > half:
                 continue
             line = lines[i]
-            here_x, here_y = normals[i, 0], normals[i, 1]
-            facing = normal_x * (c * here_x - s * here_y) + normal_y * (s * here_x + c * here_y)
+            facing = normal_x * turned[i, 2] + normal_y * turned[i, 3]
             if facing < (cos_turn if line >= 0 else LEAST_FACING):
                 continue
             arm = turning - lever_center
@@ -157,14 +159,16 @@ def _lay_walls(
 
 @njit(cache=True, error_model="numpy", fastmath=SUMS, forceinline=True)
 def _accumulate(
-    ranges, bearings, lines, beams, knowledge, heading, var_range, var_bearing, var_rough, spread, kernel2, sums,
-    information, gradient,
+    points, ranges, lines, origin_x, origin_y, beams, knowledge, heading, var_range, var_bearing, var_rough, spread,
+    kernel2, sums, information, gradient,
 ):  # fmt: skip
     """Fill information and gradient at the pose where the walls were laid; return the number of inliers (eq. M29)."""
     information[:] = 0.0
     gradient[:] = 0.0
     sums[:] = 0.0
     inliers = 0
+    c = math.cos(heading)
+    s = math.sin(heading)
     for i in range(ranges.size):
         weight = beams[i, WEIGHT]
         if weight == 0.0:
@@ -173,7 +177,9 @@ def _accumulate(
         by_y = beams[i, JACOBIAN_Y] / weight
         by_turn = beams[i, JACOBIAN_TURN] / weight
         residual = beams[i, RESIDUAL] / weight
-        incidence = by_x * math.cos(bearings[i] + heading) + by_y * math.sin(bearings[i] + heading)
+        arm_x = points[i, 0] - origin_x
+        arm_y = points[i, 1] - origin_y
+        incidence = (by_x * (c * arm_x - s * arm_y) + by_y * (s * arm_x + c * arm_y)) / ranges[i]
         slant2 = max(0.0, 1.0 - incidence * incidence)
         variance = (
             var_range * incidence * incidence + var_bearing * ranges[i] * ranges[i] * slant2 + var_rough

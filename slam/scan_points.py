@@ -88,12 +88,13 @@ def _points_kernel(
         points[i, 1] = origin_y + ranges[i] * math.sin(bearings[i])
 
     lines = np.full(n, -1)
+    directions = directions_of(points, origin_x, origin_y)
     for k in range(len(walls_robot)):
         normal_x = walls_robot[k, NORMAL_X]
         normal_y = walls_robot[k, NORMAL_Y]
         arm_x = walls_robot[k, WALL_X] - origin_x
         arm_y = walls_robot[k, WALL_Y] - origin_y
-        begin, end = behind(bearings, arm_x, arm_y, normal_x, normal_y, 0.5 * walls_robot[k, LENGTH], 0.0)
+        begin, end = behind(directions, arm_x, arm_y, normal_x, normal_y, 0.5 * walls_robot[k, LENGTH], 1.0, 0.0)
         for m in range(begin, end):
             i = m if m < n else m - n
             residual = normal_x * (points[i, 0] - origin_x - arm_x) + normal_y * (points[i, 1] - origin_y - arm_y)
@@ -134,23 +135,54 @@ def _near(points, i, j, distance):
 
 
 @njit(cache=True, error_model="numpy")
-def behind(bearings, arm_x, arm_y, normal_x, normal_y, half, heading):
+def directions_of(points, origin_x, origin_y):
+    """Directions of points from an origin, as :func:`_direction` has them, shape (n,)."""
+    directions = np.empty(len(points))
+    for i in range(len(points)):
+        directions[i] = _direction(points[i, 0] - origin_x, points[i, 1] - origin_y)
+    return directions
+
+
+@njit(cache=True, error_model="numpy")
+def behind(directions, arm_x, arm_y, normal_x, normal_y, half, c, s):
     """Beams that meet a wall: first, and behind the last, counted on beyond n where they cross the end of the scan.
 
     Parameters
     ----------
-    bearings : rising, shape (n,), in [-pi, pi) [rad].
+    directions : of the beams, rising, by :func:`directions_of`, shape (n,).
     arm_x, arm_y : from the sensor to the middle of the wall [m].
     normal_x, normal_y : normal of the wall, towards the sensor.
     half : half the length of the wall [m].
-    heading : direction from which bearings count, in the frame of the wall [rad].
+    c, s : cosine and sine of the heading from which the beams count, in the frame of the wall.
     """
     # Seen from its front a wall runs counter-clockwise along its normal turned by a quarter to the right.
-    first = math.atan2(arm_y + half * normal_x, arm_x - half * normal_y) - heading
-    last = math.atan2(arm_y - half * normal_x, arm_x + half * normal_y) - heading
-    span = (last - first) % TWO_PI
-    first = (first + math.pi) % TWO_PI - math.pi
-    begin = np.searchsorted(bearings, first)
-    if first + span < math.pi:
-        return begin, np.searchsorted(bearings, first + span, side="right")
-    return begin, bearings.size + np.searchsorted(bearings, first + span - TWO_PI, side="right")
+    along_x, along_y = -half * normal_y, half * normal_x
+    x, y = arm_x + along_x, arm_y + along_y
+    first = _direction(c * x + s * y, c * y - s * x)
+    x, y = arm_x - along_x, arm_y - along_y
+    last = _direction(c * x + s * y, c * y - s * x)
+    begin, end = _place(directions, first, False), _place(directions, last, True)
+    return (begin, end) if first <= last else (begin, end + directions.size)
+
+
+@njit(cache=True, error_model="numpy")
+def _direction(x, y):
+    """Return what grows from -2 to 2 as the direction of a vector does from -pi to pi; an arc tangent takes longer."""
+    quarter = y / (abs(x) + abs(y))
+    if x >= 0.0:
+        return quarter
+    return 2.0 - quarter if y > 0.0 else -2.0 - quarter
+
+
+@njit(cache=True, error_model="numpy")
+def _place(directions, direction, after_equal):
+    """Where a direction belongs among rising ones; np.searchsorted takes several times as long."""
+    place = 0
+    left = directions.size
+    while left > 0:
+        half = left >> 1
+        middle = directions[place + half]
+        before = (middle < direction) | (after_equal & (middle == direction))
+        place = place + half + 1 if before else place
+        left = left - half - 1 if before else half
+    return place

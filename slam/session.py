@@ -2,7 +2,7 @@
 
 import time
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from types import TracebackType
 from typing import Protocol, Self
@@ -114,7 +114,7 @@ class Session:
                 self.watch(frame, step)
             if self.folder is not None:
                 digest = extend_digest(self.stand.digest, frame)
-                self.stand = replace(self.stand, records=self.stand.records + 1, digest=digest)
+                self.stand = Stand(self.stand.log, self.stand.records + 1, digest)
             if frame.scan is not None or frame.observations is not None:
                 progress.update(source.progress, self.slam.scans)
             if time.monotonic() >= due:

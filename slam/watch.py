@@ -156,12 +156,13 @@ class Watch:
             return
         self._rejected.append(rejected)
         self._directions = 0.98 * self._directions + complex(*motion[:2]) * complex(by_wheels[0], -by_wheels[1])
-        if len(self._rejected) == JUDGED and np.mean(self._rejected) > MOST_REJECTED:
+        share = sum(self._rejected) / JUDGED
+        if len(self._rejected) == JUDGED and share > MOST_REJECTED:
             angle = math.degrees(math.atan2(self._directions.imag, self._directions.real))
             turned = f", by which the robot moves {angle:.0f} deg beside its heading" if abs(angle) > 20.0 else ""
             self._doubt(
                 "odometry", stamp,
-                f"the odometry is contradicted by {np.mean(self._rejected):.0%} of {JUDGED} scans{turned}: look at the "
+                f"the odometry is contradicted by {share:.0%} of {JUDGED} scans{turned}: look at the "
                 "odometry and at the mounting of the sensor in the configuration",
             )  # fmt: skip
 
