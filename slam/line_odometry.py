@@ -1,7 +1,7 @@
 """Line-aided odometry: each scan is registered to the walls of the recent key frames."""
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.stats import chi2
@@ -16,14 +16,21 @@ from slam.line_map import LineMap, walls_of_lines
 from slam.odometry import ConstantVelocity, WheelMotion
 from slam.registration import Registration, RegistrationRules, register
 from slam.scan_points import ScanPoints, scan_points
+from slam.wheel_calibration import Calibration
 
 RULES = RegistrationRules()
+
+NEAR_RULES = replace(RULES, gate=RULES.final_gate)
+"""For a fit beside the prediction."""
 
 SURE_SHARE = 0.45
 """Share of its points that lie on known walls with which a scan is sure to fit."""
 
 MARGIN = 0.15
 """How much larger this share must be for another pose to be preferred to that which was predicted."""
+
+SLIP_MARGIN = 0.05
+"""The same for a scan that would fit beside the prediction too, where the wheels must have slipped."""
 
 PRIOR_GATE = float(chi2.ppf(0.9999, 3))
 """Squared Mahalanobis distance of the result from the prediction beyond which the scan is believed, not the latter."""
@@ -90,6 +97,7 @@ class LineOdometry:
         self._map = LineMap(key_frames)
         self._since_scan = self._drifting.anchor()
         self._since_correction = self._drifting.anchor()
+        self._since_learned = self._drifting.anchor()
         self._scan: ScanPoints | None = None
         self._fit: Registration | None = None
 
@@ -107,6 +115,11 @@ class LineOdometry:
     def share(self) -> float | None:
         """Share of the points of the latest scan that lie on known walls; None where it fits nowhere."""
         return None if self._fit is None else self._fit.share
+
+    @property
+    def calibration(self) -> Calibration | None:
+        """What the wheels were found to tell wrongly; None without wheels."""
+        return self._motion.calibration if isinstance(self._motion, WheelMotion) else None
 
     def anchor(self) -> Anchor:
         """Remember this moment, to tell the motion since."""
@@ -137,7 +150,8 @@ class LineOdometry:
         if self._fit is not None and not self._stands:
             self._drifting.correct(self._fit.information, self._fit.pull)
             self._since_correction.reset()
-        self._motion.learn(stamp, self._since_scan)
+        if self._motion.learn(stamp, self._since_learned):
+            self._since_learned.reset()
         self._since_scan.reset()
         return points
 
@@ -171,6 +185,10 @@ class LineOdometry:
                 self.counts.failed += 1
                 return None
         elif distance2 > PRIOR_GATE:
+            near = register(scan, self._map.walls, drifting.pose, drifting.cov, drifting.pose, NEAR_RULES)
+            if fit.share < near.share + SLIP_MARGIN and _distance2(near, drifting.pose) <= PRIOR_GATE:
+                self.counts.registered += 1
+                return near
             self.counts.predictions_rejected += 1
             drifting.doubt(_change(fit, drifting.pose))
             fit = register(scan, self._map.walls, drifting.pose, drifting.cov, fit.pose_map_robot, RULES)

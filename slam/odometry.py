@@ -7,6 +7,7 @@ import numpy as np
 
 from features.se2 import Array, Pose, between, pose, wrap_angle
 from slam.drifting_pose import Anchor
+from slam.wheel_calibration import Calibration, WheelCalibration
 
 
 @dataclass(frozen=True, slots=True)
@@ -36,7 +37,7 @@ class OdometryModel:
 
 
 class WheelMotion:
-    """Motion as the wheels report it.
+    """Motion as the wheels report it, without what scans have shown to be wrong in it.
 
     Parameters
     ----------
@@ -45,6 +46,7 @@ class WheelMotion:
 
     def __init__(self, model: OdometryModel) -> None:
         self._model = model
+        self._calibration = WheelCalibration()
         self._pose_odom_robot: Pose | None = None
 
     def step(self, stamp: float, pose_odom_robot: Pose) -> tuple[Pose, Array]:
@@ -52,10 +54,17 @@ class WheelMotion:
         before = pose_odom_robot if self._pose_odom_robot is None else self._pose_odom_robot
         self._pose_odom_robot = pose_odom_robot
         motion = between(before, pose_odom_robot)
-        return motion, self._model.covariance(motion)
+        cov = self._model.covariance(motion)
+        return self._calibration.correct(motion, cov), cov
 
-    def learn(self, stamp: float, since_scan: Anchor) -> None:
-        """Wheels do not learn from scans."""
+    def learn(self, stamp: float, since: Anchor) -> bool:
+        """Learn what the wheels always tell wrongly; False where the motion was too short."""
+        return self._calibration.learn(since)
+
+    @property
+    def calibration(self) -> Calibration:
+        """What is added to the motion that the wheels report."""
+        return self._calibration.calibration
 
 
 FORGET = 0.05
@@ -112,12 +121,12 @@ class ConstantVelocity:
             cov += self._jitter2 * (self._velocity_cov + np.outer(self._velocity, self._velocity))
         return reach * self._velocity, cov
 
-    def learn(self, stamp: float, since_scan: Anchor) -> None:
-        """Take the motion since the last scan, the latest one at ``stamp``, for the velocity (eq. M35)."""
+    def learn(self, stamp: float, since: Anchor) -> bool:
+        """Take the motion since the last scan, the latest one at ``stamp``, for the velocity (eq. M35); True."""
         elapsed = stamp - (stamp if self._learned is None else self._learned)
         self._learned = self._stamp = stamp
         if elapsed <= 0.0:
-            return
+            return True
         self._time(elapsed)
         motion, cov = self._motion(elapsed)
         lost = -np.expm1(-elapsed / self._memory)
@@ -125,14 +134,15 @@ class ConstantVelocity:
         reach = self._memory * lost
         cross = kept[:, None] * self._velocity_cov * reach + np.diag(self._variance * self._memory * lost**2)
         gain = np.linalg.solve(cov, cross.T).T
-        residual = since_scan.motion - motion
+        residual = since.motion - motion
         residual[2] = wrap_angle(float(residual[2]))
         self._velocity = kept * self._velocity + gain @ residual
         velocity_cov = np.outer(kept, kept) * self._velocity_cov + np.diag(self._variance * (1.0 - kept**2))
-        velocity_cov += gain @ (since_scan.motion_cov - cov) @ gain.T
+        velocity_cov += gain @ (since.motion_cov - cov) @ gain.T
         self._velocity_cov = 0.5 * (velocity_cov + velocity_cov.T)
         if (self._velocity**2 + np.diag(velocity_cov) > FASTEST**2 * self._variance).any():
             self._velocity, self._velocity_cov = np.zeros(3), np.diag(self._variance)
+        return True
 
     def _time(self, elapsed: float) -> None:
         """Learn how irregular the stamps are: a scanner turns steadily, so its intervals should all be alike."""

@@ -322,6 +322,7 @@ class Slam:
             landmarks=landmarks,
             key_frames=len(self._key_frames),
             registrations=replace(self._odometry.counts),
+            wheels=self._odometry.calibration if self.config.odometry.source == "line-aided" else None,
             observations=replace(self._observations),
             landmark_life=self._front.table.counts(self.config.map.min_observations),
             closures=replace(self._closer.counts, revoked=len(estimate.revoked)),

@@ -16,6 +16,7 @@ from slam.loop_rules import LoopCounts
 from slam.nis_watch import NisSummary
 from slam.trajectory import Trajectory
 from slam.watch import Trust
+from slam.wheel_calibration import Calibration
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -95,7 +96,10 @@ class StageTime:
 
 @dataclass(frozen=True, slots=True)
 class RunMetrics:
-    """Figures of a run; ``records`` counts every stamped record, ``scans`` those with a scan."""
+    """Figures of a run; ``records`` counts every stamped record, ``scans`` those with a scan.
+
+    ``wheels`` is what they tell wrongly, None where no scan is compared with them.
+    """
 
     scans: int
     records: int
@@ -106,6 +110,7 @@ class RunMetrics:
     landmarks: int
     key_frames: int
     registrations: RegistrationCounts
+    wheels: Calibration | None
     observations: ObservationCounts
     landmark_life: LandmarkCounts
     closures: LoopCounts

@@ -15,6 +15,7 @@ from slam.config import SlamConfig
 from slam.errors import DivergedError
 from slam.line_odometry import LineOdometry
 from slam.parts import line_odometry
+from slam.registration import Registration
 
 from .registration_scenes import corridor_run
 
@@ -173,3 +174,31 @@ def test_odometry_beyond_all_numbers_is_a_divergence():
     odometry.predict(1.0, pose(1e200))
     with pytest.raises(DivergedError, match="no longer finite"), np.errstate(all="ignore"):
         odometry.predict(2.0, pose())
+
+
+@pytest.mark.parametrize(("far_share", "believed"), [(0.8, False), (0.95, True)])
+def test_wheels_are_believed_unless_another_pose_explains_more(far_share, believed, monkeypatch):
+    """Where walls repeat themselves, a wide gate may carry a scan to a place that fits no better than that foreseen."""
+    run = room_run(0)
+    config = config_of(run)
+    sensor = config.sensor.model()
+    odometry = line_odometry(config, pose())
+    scan = next(frame.scan for frame in run if frame.scan is not None)
+    lines = extract(scan, sensor, config.extraction).lines
+    odometry.predict(0.0, pose())
+    odometry.register(0.0, scan, lines)
+    odometry.add_key_frame()
+    odometry.predict(1.0, pose(0.1, 0.0, 0.0))
+    foreseen = odometry.pose
+
+    def register(points, walls, prior, prior_cov, start, rules):
+        near = rules.gate <= rules.final_gate
+        change = np.array([0.001 if near else 0.4, 0.0, 0.0])
+        information = np.diag([1e6, 1e6, 1e6])
+        pull = (information + np.linalg.inv(prior_cov)) @ change
+        return Registration(foreseen + change, information, pull, 0.8 if near else far_share)
+
+    monkeypatch.setattr("slam.line_odometry.register", register)
+    odometry.register(1.0, scan, lines)
+    assert odometry.counts.predictions_rejected == int(believed)
+    assert odometry.pose[0] - foreseen[0] == pytest.approx(0.4 if believed else 0.001, abs=0.01)

@@ -1,0 +1,94 @@
+"""What wheels always tell wrongly, learned from the motion that scans show."""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.stats import chi2
+
+from features.se2 import Array, Pose, wrap_angle
+from slam.drifting_pose import Anchor, DriftingPose
+
+UNCALIBRATED = np.diag([0.05, 0.05, math.radians(2.0)]) ** 2
+"""Covariance of the calibration of wheels of which nothing is known."""
+
+TRAVEL, TURN = 1.0, 1.0
+"""Travel [m] and turn [rad] that are compared at once: on less, chance errors of the scans weigh more."""
+
+SLIPPED = float(chi2.ppf(0.99, 3))
+"""Squared Mahalanobis distance of a motion from what the wheels say beyond which they have slipped."""
+
+
+LEAST_GAIN = 0.01
+"""Share of the variance that scans must have taken off, for a motion to be known from them and not from the wheels."""
+
+
+@dataclass(frozen=True, slots=True)
+class Calibration:
+    """What has to be added to a motion that wheels report.
+
+    Parameters
+    ----------
+    travel : share of its translation.
+    turn : share of its rotation.
+    drift : rotation by translation, to the left [rad/m].
+    """
+
+    travel: float = 0.0
+    turn: float = 0.0
+    drift: float = 0.0
+
+
+class WheelCalibration:
+    """Learns the systematic errors of wheels, stretch by stretch (eq. M60, M61)."""
+
+    def __init__(self) -> None:
+        self._state = np.zeros(3)
+        self._information = np.linalg.inv(UNCALIBRATED)
+        self._wheels = DriftingPose(np.zeros(3))
+        self._since = self._wheels.anchor()
+
+    @property
+    def calibration(self) -> Calibration:
+        """What was learned so far."""
+        return Calibration(*self._state.tolist())
+
+    @property
+    def cov(self) -> Array:
+        """Covariance of travel, turn and drift, shape (3, 3); it holds for wheels whose chance errors are as stated."""
+        return np.linalg.inv(self._information)
+
+    def correct(self, motion: Pose, cov: Array) -> Pose:
+        """Motion without what is known to be wrong in it, of a reported motion with its covariance."""
+        corrected = np.asarray(motion + _jacobian(motion) @ self._state, np.float64)
+        self._wheels.move(corrected, cov)
+        return corrected
+
+    def learn(self, since: Anchor) -> bool:
+        """Compare the motion since the last comparison with what the wheels say of it; False where it was too short."""
+        if since.travel < TRAVEL and since.turn < TURN:
+            return False
+        expected, cov = self._since.motion, self._since.motion_cov
+        self._since.reset()
+        if not (cov.diagonal() > 0.0).all():
+            return True
+        root = np.linalg.cholesky(cov)
+        change = since.motion - expected
+        change[2] = wrap_angle(float(change[2]))
+        change = np.linalg.solve(root, change)
+        if change @ change > SLIPPED:
+            return True
+        # By the motion that the scans show: errors of the wheels in the regressor would make the calibration small.
+        jacobian = np.linalg.solve(root, _jacobian(since.motion))
+        gain, axes = np.linalg.eigh(np.eye(3) - np.linalg.solve(root, np.linalg.solve(root, since.motion_cov).T))
+        shown = gain > LEAST_GAIN
+        along = axes[:, shown].T @ jacobian
+        self._information = self._information + along.T * gain[shown] @ along
+        self._state = self._state + np.linalg.solve(self._information, along.T @ (axes[:, shown].T @ change))
+        return True
+
+
+def _jacobian(motion: Pose) -> Array:
+    """Jacobian of a motion with respect to the calibration, shape (3, 3)."""
+    x, y, turn = motion.tolist()
+    return np.array([[x, 0.0, 0.0], [y, 0.0, 0.0], [0.0, turn, x]])
