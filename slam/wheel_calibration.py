@@ -60,7 +60,7 @@ class WheelCalibration:
 
     def correct(self, motion: Pose, cov: Array) -> Pose:
         """Motion without what is known to be wrong in it, of a reported motion with its covariance."""
-        corrected = np.asarray(motion + _jacobian(motion) @ self._state, np.float64)
+        corrected: Array = np.add(motion, _jacobian(motion) @ self._state)
         self._wheels.move(corrected, cov)
         return corrected
 
