@@ -171,9 +171,12 @@ class LineOdometry:
                 self.counts.failed += 1
                 return None
         elif distance2 > PRIOR_GATE:
-            self.counts.predictions_rejected += 1
             drifting.doubt(_change(fit, drifting.pose))
             fit = register(scan, self._map.walls, drifting.pose, drifting.cov, fit.pose_map_robot, RULES)
+            if fit.share < SURE_SHARE:
+                self.counts.failed += 1
+                return None
+            self.counts.predictions_rejected += 1
         self.counts.registered += 1
         return fit
 
