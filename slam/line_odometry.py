@@ -1,7 +1,7 @@
 """Line-aided odometry: each scan is registered to the walls of the recent key frames."""
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.stats import chi2
@@ -18,6 +18,9 @@ from slam.registration import Registration, RegistrationRules, register
 from slam.scan_points import ScanPoints, scan_points
 
 RULES = RegistrationRules()
+
+WHERE_PREDICTED = replace(RULES, gate=RULES.final_gate, max_iterations=1)
+"""Of a registration that only tells how well a scan fits where it starts."""
 
 SURE_SHARE = 0.45
 """Share of its points that lie on known walls with which a scan is sure to fit."""
@@ -171,9 +174,10 @@ class LineOdometry:
                 self.counts.failed += 1
                 return None
         elif distance2 > PRIOR_GATE:
+            as_predicted = register(scan, self._map.walls, drifting.pose, drifting.cov, drifting.pose, WHERE_PREDICTED)
             drifting.doubt(_change(fit, drifting.pose))
             fit = register(scan, self._map.walls, drifting.pose, drifting.cov, fit.pose_map_robot, RULES)
-            if fit.share < SURE_SHARE:
+            if fit.share < max(SURE_SHARE, as_predicted.share):
                 self.counts.failed += 1
                 return None
             self.counts.predictions_rejected += 1
