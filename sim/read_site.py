@@ -58,6 +58,6 @@ def _reader(path: Path, file_format: str | None) -> Callable[[Path], Site]:
             except ModuleNotFoundError as error:
                 if error.name != "ezdxf":
                     raise
-                raise WorldError(f"{path}: DXF needs ezdxf: pip install 'cwlf-slam[dxf]'") from None
+                raise WorldError(f"{path}: DXF needs ezdxf: pip install ezdxf") from None
             return read_dxf
     raise WorldError(f"{path}: no format of a world: expected {', '.join(_SUFFIXES)}")

@@ -104,5 +104,5 @@ def _rerun() -> ModuleType:
     try:
         import rerun
     except ImportError:
-        raise ViewError("the view needs rerun: pip install 'cwlf-slam[view]'") from None
+        raise ViewError("the view needs rerun: pip install rerun-sdk") from None
     return rerun
