@@ -15,6 +15,7 @@ from slam.config import SlamConfig
 from slam.errors import DivergedError
 from slam.line_odometry import LineOdometry
 from slam.parts import line_odometry
+from slam.registration import Registration
 
 from .registration_scenes import corridor_run
 
@@ -173,3 +174,33 @@ def test_odometry_beyond_all_numbers_is_a_divergence():
     odometry.predict(1.0, pose(1e200))
     with pytest.raises(DivergedError, match="no longer finite"), np.errstate(all="ignore"):
         odometry.predict(2.0, pose())
+
+
+@pytest.mark.parametrize(("share_there", "believed"), [(0.9, True), (0.64, False), (0.3, False)])
+def test_a_scan_is_believed_against_the_prediction_only_where_it_fits_better(monkeypatch, share_there, believed):
+    """Walls that look alike, 0.8 m further on; of the scan 0.77 lies on walls where it was predicted."""
+    run = room_run(6)
+    frames = [frame for _, frame in zip(range(100), run, strict=False)]
+    _, _, odometry = follow(frames, run.poses_world_robot[:100], config_of(run))
+    predicted = odometry.pose
+    elsewhere = predicted + np.array([0.8, 0.0, 0.0])
+    shares = iter([0.7, 0.77, share_there])
+
+    def register(scan, walls, prior, prior_cov, start, rules):
+        information = 1e6 * np.eye(3)
+        pull = information @ (elsewhere - prior)
+        moved = np.linalg.solve(np.eye(3) + prior_cov @ information, prior_cov @ pull)
+        return Registration(prior + moved, information, pull, next(shares))
+
+    monkeypatch.setattr("slam.line_odometry.register", register)
+    scan = next(frame.scan for frame in reversed(frames) if frame.scan is not None)
+    config = config_of(run)
+    # A motion, as a scan from where the last one was taken is left out.
+    odometry.predict(frames[-1].stamp + 0.1, compose(frames[-1].pose_odom_robot, np.array([0.2, 0.0, 0.0])))
+    moved = odometry.pose - predicted
+    elsewhere += moved
+    odometry.register(frames[-1].stamp + 0.1, scan, extract(scan, config.sensor.model(), config.extraction).lines)
+    assert next(shares, None) is None
+    assert np.hypot(*(odometry.pose - (elsewhere if believed else predicted + moved))[:2]) < 0.01
+    assert odometry.counts.predictions_rejected == believed
+    assert odometry.counts.failed == (not believed)
