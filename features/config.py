@@ -52,6 +52,9 @@ class ExtractionConfig(BaseModel):
     )
     min_points: int = Field(default=5, ge=2, description="points of a line after trimming")
     min_length_m: float = Field(default=0.25, gt=0.0, description="length of a line after trimming [m]")
+    min_length_sigmas: float = Field(
+        default=12.5, gt=0.0, description="the same in standard deviations of a range, where that is shorter"
+    )
     corner_angle_min_deg: float = Field(default=30.0, gt=0.0, lt=180.0, description="sharpest corner [deg]")
     corner_angle_max_deg: float = Field(default=150.0, gt=0.0, lt=180.0, description="bluntest corner [deg]")
     corner_gap_mm: float = Field(
@@ -81,6 +84,7 @@ class ExtractionConfig(BaseModel):
             trim_sigmas=self.trim_sigmas,
             min_points=self.min_points,
             min_length=self.min_length_m,
+            min_length_sigmas=self.min_length_sigmas,
             corner_angle_min=math.radians(self.corner_angle_min_deg),
             corner_angle_max=math.radians(self.corner_angle_max_deg),
             corner_gap=self.corner_gap_mm * 1e-3,
@@ -100,6 +104,7 @@ class Rules(NamedTuple):
     trim_sigmas: float
     min_points: int
     min_length: float
+    min_length_sigmas: float
     corner_angle_min: float
     corner_angle_max: float
     corner_gap: float

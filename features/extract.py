@@ -15,7 +15,7 @@ from features.feature import CORNER_RECORD, LINE_RECORD, Corners, Features, Line
 from features.fit_kernels import fit_kernel, project_ends
 from features.scan import LaserScan
 from features.se2 import Array
-from features.segmentation import SEGMENT_RECORD, find_jumps, find_segments
+from features.segmentation import SEGMENT_RECORD, find_jumps, find_segments, is_short
 from features.sensor import SensorModel
 
 DEFAULT_CONFIG = ExtractionConfig()
@@ -82,7 +82,7 @@ def _extract_kernel(
 ):
     rules = Rules(
         numbers[0], numbers[1], numbers[2], numbers[3], int(numbers[4]), numbers[5], int(numbers[6]), numbers[7],
-        numbers[8], numbers[9], numbers[10], int(numbers[11]),
+        numbers[8], numbers[9], numbers[10], numbers[11], int(numbers[12]),
     )  # fmt: skip
     if scan_angles.size < rules.min_points:
         return np.empty(0, LINE_RECORD), np.empty(0, CORNER_RECORD)
@@ -147,7 +147,7 @@ def fit_segment(xs, ys, segment, var_range, var_bearing, rules, line):
     """Fill the line of a segment; False where it is too small or its points do not define one."""
     xs = xs[segment.begin : segment.end + 1]
     ys = ys[segment.begin : segment.end + 1]
-    if xs.size < rules.min_points or (xs[-1] - xs[0]) ** 2 + (ys[-1] - ys[0]) ** 2 < rules.min_length**2:
+    if xs.size < rules.min_points or is_short(xs[-1] - xs[0], ys[-1] - ys[0], var_range, rules):
         return False
     if not fit_kernel(xs, ys, var_range, var_bearing, rules.method, line):
         return False

@@ -75,7 +75,7 @@ def find_segments(xs, ys, jumps, total, var_range, var_bearing, rules, stack, se
             added = split_segments(xs, ys, begin, i, var_range, var_bearing, rules, stack, found)
             count += merge_segments(xs, ys, added, var_range, var_bearing, rules, found)
         begin = i + 1
-    return drop_stubs(xs, ys, rules, segments, count)
+    return drop_stubs(xs, ys, var_range, rules, segments, count)
 
 
 @njit(cache=True, error_model="numpy")
@@ -128,7 +128,7 @@ def merge_segments(xs, ys, count, var_range, var_bearing, rules, segments):
 
 
 @njit(cache=True, error_model="numpy")
-def drop_stubs(xs, ys, rules, segments, count):
+def drop_stubs(xs, ys, var_range, rules, segments, count):
     """Drop segments too small for a line, in place, and mark which continue in the next; return the number left.
 
     Noise at a corner splits off a few points that are no wall; the walls on either side of them may still meet there.
@@ -139,10 +139,8 @@ def drop_stubs(xs, ys, rules, segments, count):
         b = segments[k].last
         if kept > 0 and segments[k - 1].last != a:
             segments[kept - 1].joined = 0
-        if (
-            b - a + 1 < rules.min_points + 2 * rules.trim_points
-            or (xs[b] - xs[a]) ** 2 + (ys[b] - ys[a]) ** 2 < rules.min_length**2
-        ):
+        few = b - a + 1 < rules.min_points + 2 * rules.trim_points
+        if few or is_short(xs[b] - xs[a], ys[b] - ys[a], var_range, rules):
             continue
         segments[kept].first = a
         segments[kept].last = b
@@ -151,6 +149,12 @@ def drop_stubs(xs, ys, rules, segments, count):
     if kept > 0:
         segments[kept - 1].joined = 0
     return kept
+
+
+@njit(cache=True, error_model="numpy", forceinline=True)
+def is_short(x, y, var_range, rules):
+    """Whether the way from end to end is too short for a line, as noise leaves it no direction."""
+    return x * x + y * y < min(rules.min_length**2, rules.min_length_sigmas**2 * var_range)
 
 
 @njit(cache=True, error_model="numpy")

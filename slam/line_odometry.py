@@ -29,9 +29,6 @@ SURE_SHARE = 0.45
 MARGIN = 0.15
 """How much larger this share must be for another pose to be preferred to that which was predicted."""
 
-SLIP_MARGIN = 0.05
-"""The same for a scan that would fit beside the prediction too, where the wheels must have slipped."""
-
 PRIOR_GATE = float(chi2.ppf(0.9999, 3))
 """Squared Mahalanobis distance of the result from the prediction beyond which the scan is believed, not the latter."""
 
@@ -186,12 +183,18 @@ class LineOdometry:
                 return None
         elif distance2 > PRIOR_GATE:
             near = register(scan, self._map.walls, drifting.pose, drifting.cov, drifting.pose, NEAR_RULES)
-            if fit.share < near.share + SLIP_MARGIN and _distance2(near, drifting.pose) <= PRIOR_GATE:
-                self.counts.registered += 1
-                return near
-            self.counts.predictions_rejected += 1
-            drifting.doubt(_change(fit, drifting.pose))
-            fit = register(scan, self._map.walls, drifting.pose, drifting.cov, fit.pose_map_robot, RULES)
+            slip = _change(fit, drifting.pose)
+            slipped = drifting.cov + np.outer(slip, slip)
+            fit = register(scan, self._map.walls, drifting.pose, slipped, fit.pose_map_robot, RULES)
+            if fit.share > max(SURE_SHARE, near.share):
+                self.counts.predictions_rejected += 1
+                drifting.doubt(slip)
+            elif near.share >= SURE_SHARE and _distance2(near, drifting.pose) <= PRIOR_GATE:
+                fit = near
+            else:
+                self.counts.failed += 1
+                drifting.doubt(slip)
+                return None
         self.counts.registered += 1
         return fit
 

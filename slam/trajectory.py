@@ -97,8 +97,9 @@ class Trajectory:
     def nearest(self, stamps: ArrayLike, tolerance: float) -> NDArray[np.intp]:
         """Look up the pose nearest in time, of two equally near stamps the earlier.
 
-        Poses of one stamp were taken one after the other, faster than the clock ticks: evenly spread over the tick that
-        was rounded to their stamp. A tick is the least time between different stamps thereabouts.
+        Poses of one stamp were taken one after the other, faster than the clock ticks: as fast as in the fullest tick
+        of the trajectory, from the tick before where that has poses, into the next where that has some, and evenly
+        spread over the tick where both have. A tick is the least time between different stamps thereabouts.
 
         Parameters
         ----------
@@ -122,13 +123,27 @@ class Trajectory:
         to_after = self.stamps[after] - wanted
         to_before = wanted - self.stamps[before]
         at = np.where((to_after < to_before) | (after == 0), after, before)
-        first, end = (np.searchsorted(self.stamps, self.stamps[at], side=side) for side in ("left", "right"))
-        distinct = np.unique(self.stamps)
-        ticks = minimum_filter1d(np.append(np.diff(distinct), np.inf), STAMPS_ABOUT, mode="nearest")
-        tick = ticks[np.searchsorted(distinct, self.stamps[at])]
-        share = np.clip(0.5 + (wanted - self.stamps[at]) / tick, 0.0, 1.0)
-        indices = np.maximum(first, first - 1 + np.ceil(share * (end - first)).astype(np.intp))
-        return np.where(np.abs(self.stamps[at] - wanted) <= tolerance, indices, -1)
+        first, place = self._place_in_tick(at, wanted)
+        return np.where(np.abs(self.stamps[at] - wanted) <= tolerance, first + place, -1)
+
+    def _place_in_tick(self, at: NDArray[np.intp], wanted: Array) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+        """First of the poses that share a stamp with those at indices, and how many of them come before a moment."""
+        distinct, firsts, counts = np.unique(self.stamps, return_index=True, return_counts=True)
+        steps = np.append(np.diff(distinct), np.inf)
+        ticks = minimum_filter1d(steps, STAMPS_ABOUT, mode="nearest")
+        goes_on = steps < 1.5 * ticks
+        comes_on = np.append(False, goes_on[:-1])
+        most = np.where(goes_on & comes_on, counts, counts.max())
+
+        stamp = np.searchsorted(distinct, self.stamps[at])
+        count, most = counts[stamp], most[stamp]
+        # In records that a tick holds, from its beginning: the moment, and where the first record may be.
+        tick = ticks[stamp]
+        moment = (0.5 + np.clip(wanted - self.stamps[at], -0.5 * tick, 0.5 * tick) / tick) * most
+        earliest = np.where(goes_on[stamp], most - count, 0)
+        latest = np.where(comes_on[stamp], 0, most - count)
+        begin = 0.5 * (np.maximum(earliest, moment - count) + np.minimum(latest, moment))
+        return firsts[stamp], np.clip(np.ceil(moment - begin) - 1.0, 0, count - 1).astype(np.intp)
 
 
 def _stamp_array(stamps: ArrayLike) -> Array:

@@ -40,11 +40,11 @@ class Calibration:
 
 
 class WheelCalibration:
-    """Learns the systematic errors of wheels, stretch by stretch (eq. M60, M61)."""
+    """Learns the systematic errors of wheels, stretch by stretch (eq. M64, M65)."""
 
     def __init__(self) -> None:
         self._state = np.zeros(3)
-        self._information = np.linalg.inv(UNCALIBRATED)
+        self._information: Array = np.linalg.inv(UNCALIBRATED)
         self._wheels = DriftingPose(np.zeros(3))
         self._since = self._wheels.anchor()
 
@@ -60,7 +60,7 @@ class WheelCalibration:
 
     def correct(self, motion: Pose, cov: Array) -> Pose:
         """Motion without what is known to be wrong in it, of a reported motion with its covariance."""
-        corrected: Array = np.add(motion, _jacobian(motion) @ self._state)
+        corrected = motion + _jacobian(motion) @ self._state
         self._wheels.move(corrected, cov)
         return corrected
 

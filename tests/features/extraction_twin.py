@@ -213,7 +213,7 @@ def extract(ranges, angles, model, config):
     for cluster in clusters:
         if len(cluster) >= config.min_points:
             segments += _merge(_iepf(list(cluster), points, rho, model, config), points, rho, model, config)
-    segments, joined = _without_stubs(segments, points, closed, config)
+    segments, joined = _without_stubs(segments, points, closed, sigma_range, config)
     spans = [_trim(segment, points, config.trim_points, config.trim_sigmas * sigma_range) for segment in segments]
     rough = [_rough(points[span[0] : span[1] + 1]) if span[1] > span[0] else None for span in spans]
     breaks = [[int(segment[0]), int(segment[-1])] for segment in segments]
@@ -238,7 +238,7 @@ def extract(ranges, angles, model, config):
 
     lines, fitted = [], []
     for k, (first, last) in enumerate(spans):
-        if last - first + 1 < config.min_points or np.linalg.norm(points[last] - points[first]) < config.min_length_m:
+        if last - first + 1 < config.min_points or _is_short(points[first], points[last], sigma_range, config):
             continue
         kept = slice(first, last + 1)
         line = fit_line(rho[kept], theta[kept], sigma_range, sigma_bearing, config.fit, config.covariance)
@@ -257,6 +257,10 @@ def extract(ranges, angles, model, config):
     return lines, corners
 
 
+def _is_short(first, last, sigma_range, config):
+    return np.linalg.norm(last - first) < min(config.min_length_m, config.min_length_sigmas * sigma_range)
+
+
 def _rough(points):
     """Unit normal and offset of the total-least-squares line."""
     middle = points.mean(axis=0)
@@ -264,13 +268,13 @@ def _rough(points):
     return normal, normal @ middle
 
 
-def _without_stubs(segments, points, closed, config):
+def _without_stubs(segments, points, closed, sigma_range, config):
     """Segments that may be lines, and whether each is joined to the next, be it through what was left out."""
     least = config.min_points + 2 * config.trim_points
     kept = [
         i
         for i, each in enumerate(segments)
-        if len(each) >= least and np.linalg.norm(points[each[-1]] - points[each[0]]) >= config.min_length_m
+        if len(each) >= least and not _is_short(points[each[0]], points[each[-1]], sigma_range, config)
     ]
     touches = [a[-1] == b[0] for a, b in itertools.pairwise(segments)]
     joined = [all(touches[i:j]) for i, j in itertools.pairwise(kept)] + [closed] * bool(kept)

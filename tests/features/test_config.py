@@ -30,6 +30,7 @@ def test_corner_angles_must_be_in_order():
         ("trim_sigmas", -0.1),
         ("min_points", 1),
         ("min_length_m", 0.0),
+        ("min_length_sigmas", 0.0),
         ("corner_angle_min_deg", 0.0),
         ("corner_angle_max_deg", 180.0),
         ("corner_gap_mm", 0.0),

@@ -176,29 +176,33 @@ def test_odometry_beyond_all_numbers_is_a_divergence():
         odometry.predict(2.0, pose())
 
 
-@pytest.mark.parametrize(("far_share", "believed"), [(0.8, False), (0.95, True)])
-def test_wheels_are_believed_unless_another_pose_explains_more(far_share, believed, monkeypatch):
-    """Where walls repeat themselves, a wide gate may carry a scan to a place that fits no better than that foreseen."""
-    run = room_run(0)
+@pytest.mark.parametrize(
+    ("far", "near", "outcome"),
+    [(0.9, 0.8, "slipped"), (0.75, 0.8, "near"), (0.3, 0.8, "near"), (0.3, 0.4, "failed"), (0.9, 0.4, "slipped")],
+)
+def test_a_scan_is_believed_against_the_prediction_only_where_it_fits_better(monkeypatch, far, near, outcome):
+    """Walls that look alike, 0.8 m further on; the first look has a wide gate and is carried there."""
+    run = room_run(6)
+    frames = [frame for _, frame in zip(range(100), run, strict=False)]
+    _, _, odometry = follow(frames, run.poses_world_robot[:100], config_of(run))
+    scan = next(frame.scan for frame in reversed(frames) if frame.scan is not None)
     config = config_of(run)
-    sensor = config.sensor.model()
-    odometry = line_odometry(config, pose())
-    scan = next(frame.scan for frame in run if frame.scan is not None)
-    lines = extract(scan, sensor, config.extraction).lines
-    odometry.predict(0.0, pose())
-    odometry.register(0.0, scan, lines)
-    odometry.add_key_frame()
-    odometry.predict(1.0, pose(0.1, 0.0, 0.0))
-    foreseen = odometry.pose
+    # A motion, as a scan from where the last one was taken is left out.
+    odometry.predict(frames[-1].stamp + 0.1, compose(frames[-1].pose_odom_robot, np.array([0.2, 0.0, 0.0])))
+    predicted = odometry.pose
+    looks = iter([(0.8, 0.7), (0.001, near), (0.8, far)])
 
-    def register(points, walls, prior, prior_cov, start, rules):
-        near = rules.gate <= rules.final_gate
-        change = np.array([0.001 if near else 0.4, 0.0, 0.0])
-        information = np.diag([1e6, 1e6, 1e6])
-        pull = (information + np.linalg.inv(prior_cov)) @ change
-        return Registration(foreseen + change, information, pull, 0.8 if near else far_share)
+    def register(scan, walls, prior, prior_cov, start, rules):
+        step, share = next(looks)
+        information = 1e6 * np.eye(3)
+        pull = information @ np.array([step, 0.0, 0.0])
+        moved = np.linalg.solve(np.eye(3) + prior_cov @ information, prior_cov @ pull)
+        return Registration(prior + moved, information, pull, share)
 
     monkeypatch.setattr("slam.line_odometry.register", register)
-    odometry.register(1.0, scan, lines)
-    assert odometry.counts.predictions_rejected == int(believed)
-    assert odometry.pose[0] - foreseen[0] == pytest.approx(0.4 if believed else 0.001, abs=0.01)
+    odometry.register(frames[-1].stamp + 0.1, scan, extract(scan, config.sensor.model(), config.extraction).lines)
+    assert next(looks, None) is None
+    moved = float(np.hypot(*(odometry.pose - predicted)[:2]))
+    assert moved == pytest.approx({"slipped": 0.8, "near": 0.001, "failed": 0.0}[outcome], abs=0.01)
+    assert odometry.counts.predictions_rejected == (outcome == "slipped")
+    assert odometry.counts.failed == (outcome == "failed")

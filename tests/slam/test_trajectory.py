@@ -178,11 +178,23 @@ def test_poses_of_one_stamp_follow_one_another_within_the_tick():
     assert alone.nearest([0.9, 1.0, 1.1], 0.5).tolist() == [1, 1, 1]
 
 
-@given(st.lists(st.integers(1, 12), min_size=1, max_size=20))
-def test_a_record_is_found_again_by_its_true_stamp_though_the_log_rounds_it(counts):
-    """Records that are spread evenly over ticks of a second, and a log that knows the second only."""
-    rounded = np.repeat(np.arange(len(counts), dtype=float), counts)
-    true = np.concatenate([tick - 0.5 + (np.arange(n) + 0.5) / n for tick, n in enumerate(counts)])
-    trajectory = Trajectory(rounded, np.zeros((len(rounded), 3)))
-    if len(counts) > 1:
-        assert trajectory.nearest(true, 0.5).tolist() == list(range(len(rounded)))
+@given(
+    st.integers(2, 12),
+    st.lists(st.tuples(st.integers(1, 60), st.floats(0.0, 1.0)), min_size=1, max_size=20),
+)
+def test_a_record_is_found_again_by_its_true_stamp_though_the_log_rounds_it(most, bursts):
+    """Bursts of records, as fast as a buffer is emptied, each begun at any moment, and a log that knows seconds only.
+
+    Where a burst goes over the end of a tick its place there is known to a record at its beginning and its end, and
+    where the counts of full ticks differ by one; within a tick it may be anywhere that the others of its tick leave.
+    """
+    begins = 1000.0 * np.arange(len(bursts) + 1) + np.array([0.0] + [begin for _, begin in bursts])
+    counts = [4 * most] + [count for count, _ in bursts]
+    true = np.concatenate([at + np.arange(n) / most for at, n in zip(begins, counts, strict=True)])
+    rounded = np.floor(true + 0.5)
+    trajectory = Trajectory(rounded, np.zeros((len(true), 3)))
+    errors = trajectory.nearest(true, 0.6) - np.arange(len(true))
+    burst = np.repeat(np.arange(len(counts)), counts)
+    over_ticks = np.array([np.ptp(rounded[burst == k]) > 0.0 for k in range(len(counts))])[burst]
+    alone = (most - np.array(counts)[burst]) / 2.0
+    assert (np.abs(errors) <= np.where(over_ticks, 1.0, 1.0 + alone)).all()
