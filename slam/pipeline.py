@@ -320,8 +320,10 @@ class Slam:
         """
         if len(self._unidentified) < len(self._key_frames):
             return self._graph, self._front.table
-        first_pose = self._graph.poses_world_robot[0]
-        return reassociate(first_pose, FIRST_POSE_COV, self._unidentified, self.config.back_end.cauchy_scale)
+        first_pose, back_end = self._graph.poses_world_robot[0], self.config.back_end
+        return reassociate(
+            first_pose, FIRST_POSE_COV, self._unidentified, back_end.cauchy_scale, back_end.max_iterations
+        )
 
     def _solve(self, graph: LandmarkGraph) -> GraphEstimate:
         try:
