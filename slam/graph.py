@@ -177,15 +177,40 @@ class LandmarkGraph:
         DivergedError
             The graph does not determine its unknowns.
         """
+        try:
+            return self._solved(estimate).pose_covs(self._kept(estimate), key_frames)
+        except RuntimeError as error:
+            raise self._undetermined(error) from None
+
+    def distances2(self, estimate: GraphEstimate, pairs: NDArray[np.int64], variances: Array) -> Array:
+        """Squared Mahalanobis distances between landmarks at a solution, 2 degrees of freedom (eq. M61), shape (k,).
+
+        Parameters
+        ----------
+        estimate : of :meth:`optimize`, with nothing told since.
+        pairs : landmarks of it, shape (k, 2).
+        variances : in x and y, by which each pair may be apart beyond the error of the solution, shape (k,) [m^2].
+
+        Raises
+        ------
+        DivergedError
+            The graph does not determine its unknowns.
+        """
+        try:
+            return self._solved(estimate).distances2(self._kept(estimate), pairs, variances)
+        except RuntimeError as error:
+            raise self._undetermined(error) from None
+
+    def _solved(self, estimate: GraphEstimate) -> Problem:
         problem = self._problem()
         for key, pose in enumerate(estimate.poses_world_robot):
             problem.guess.update(X(key), gtsam.Pose2(*pose))
         for landmark, position in zip(estimate.landmarks.tolist(), estimate.positions_world, strict=True):
             problem.guess.update(L(landmark), position)
-        try:
-            return problem.pose_covs([each for each in self._closures if each not in estimate.revoked], key_frames)
-        except RuntimeError as error:
-            raise self._undetermined(error) from None
+        return problem
+
+    def _kept(self, estimate: GraphEstimate) -> list[Closure]:
+        return [closure for closure in self._closures if closure not in estimate.revoked]
 
     def unsolved(self) -> GraphEstimate:
         """Return the estimate so far, for the key frames and landmarks that :meth:`optimize` would solve for."""

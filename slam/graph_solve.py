@@ -102,6 +102,24 @@ class Problem:
         tree = _Fit(_with_closures(self.graph, closures), self.guess, 0.0, True).tree()
         return np.array([tree.marginalCovariance(X(key)) for key in key_frames.tolist()]).reshape(-1, 3, 3)
 
+    def distances2(self, closures: list[Closure], pairs: NDArray[np.int64], variances: Array) -> Array:
+        """Squared Mahalanobis distances between landmarks at the guess, see :meth:`LandmarkGraph.distances2`.
+
+        Raises
+        ------
+        RuntimeError
+            The graph does not determine its unknowns.
+        """
+        tree = _Fit(_with_closures(self.graph, closures), self.guess, 0.0, True).tree()
+        apart = np.hstack([np.eye(2), -np.eye(2)])
+        found = np.empty(len(pairs))
+        for k, pair in enumerate(pairs.tolist()):
+            difference = self.guess.atPoint2(L(pair[0])) - self.guess.atPoint2(L(pair[1]))
+            # The covariance is symmetric in the two, so that their order in it does not matter.
+            cov = apart @ tree.jointMarginalCovariance([L(landmark) for landmark in pair]).fullMatrix() @ apart.T
+            found[k] = difference @ np.linalg.solve(cov + variances[k] * np.eye(2), difference)
+        return found
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Fit:

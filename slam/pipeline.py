@@ -19,12 +19,14 @@ from slam.drifting_pose import Anchor
 from slam.ekf import LandmarkEkf
 from slam.errors import DivergedError
 from slam.front_end import FrontEnd
-from slam.graph import Closure, GraphEstimate
+from slam.graph import Closure, GraphEstimate, LandmarkGraph
 from slam.graph_journal import JournaledGraph
+from slam.hypotheses import Sighting
 from slam.key_frame import KeyFrame
 from slam.landmark import LandmarkTable
 from slam.loop_closing import LoopCloser
 from slam.parts import gates, line_odometry, loop_rules
+from slam.reassociation import reassociate
 from slam.records import Records
 from slam.result import RunMetrics, SlamResult
 from slam.stage_clock import StageClock, peak_memory_mb
@@ -68,13 +70,14 @@ class Slam:
 
     def __init__(self, config: SlamConfig) -> None:
         self.config = config
-        self._estimate: GraphEstimate | None = None
+        self._solved: tuple[LandmarkGraph, GraphEstimate] | None = None
         self._sensor = config.sensor.model()
         self._graph = JournaledGraph(config.back_end.cauchy_scale)
         self._closer = LoopCloser(loop_rules(config))
         self._front_end: FrontEnd | None = None
         self._records = Records()
         self._key_frames: list[KeyFrame] = []
+        self._unidentified: list[Sighting] = []
         self._observations = ObservationCounts()
         self._watch = Watch(config.front_end.match_probability, wheels=config.odometry.source == "line-aided")
         load_compiled(config)
@@ -128,13 +131,18 @@ class Slam:
     @property
     def estimate(self) -> GraphEstimate:
         """Solution of the graph by the last :meth:`finish`."""
-        if self._estimate is None:
-            raise ValueError("the graph was not solved yet: call finish first")
-        return self._estimate
+        return self._solution[1]
 
     def pose_covs(self, key_frames: NDArray[np.int64]) -> Array:
         """Marginal covariances of key frames by :attr:`estimate`; see :meth:`slam.graph.LandmarkGraph.pose_covs`."""
-        return self._graph.pose_covs(self.estimate, key_frames)
+        graph, estimate = self._solution
+        return graph.pose_covs(estimate, key_frames)
+
+    @property
+    def _solution(self) -> tuple[LandmarkGraph, GraphEstimate]:
+        if self._solved is None:
+            raise ValueError("the graph was not solved yet: call finish first")
+        return self._solved
 
     def process(self, frame: Frame) -> Step:
         """Take one frame in.
@@ -241,6 +249,8 @@ class Slam:
             motion, motion_cov = self._since_key_frame.motion, self._since_key_frame.motion_cov
             observations = view.observations(landmarks, 1e-3 * self.config.back_end.corner_scatter_mm)
             self._graph.add_key_frame(self._front.ekf.pose, motion, motion_cov, observations)
+            if view.scan is None and view.identities is None:
+                self._unidentified.append(Sighting(motion, motion_cov, view.corners_robot))
             self._merge()
             self._graph.update()
             self._front.rest(len(self._key_frames), landmarks)
@@ -297,19 +307,33 @@ class Slam:
         if not self._key_frames:
             raise ValueError("no scan was processed: there is nothing to finish")
         with self._clock.timed("back_end"):
-            estimate = self._estimate = self._solve()
-        landmarks = landmark_map(estimate, self._front.table, self.config.map.min_observations)
-        metrics = self._metrics(estimate, len(landmarks), interrupted)
+            graph, table = self._associated()
+            estimate = self._solve(graph)
+            self._solved = graph, estimate
+        landmarks = landmark_map(estimate, table, self.config.map.min_observations)
+        metrics = self._metrics(estimate, table, len(landmarks), interrupted)
         return conclude(self._records, self._key_frames, estimate, landmarks, metrics, self.config)
 
-    def _solve(self) -> GraphEstimate:
+    def _associated(self) -> tuple[LandmarkGraph, LandmarkTable]:
+        """Graph and landmarks as they grew; where no observation has a signature or an identity, by all that was seen.
+
+        One that looks like any other is told apart by what is seen later, which the filter could not wait for.
+        """
+        if len(self._unidentified) < len(self._key_frames):
+            return self._graph, self._front.table
+        first_pose, back_end = self._graph.poses_world_robot[0], self.config.back_end
+        return reassociate(
+            first_pose, FIRST_POSE_COV, self._unidentified, back_end.cauchy_scale, back_end.max_iterations
+        )
+
+    def _solve(self, graph: LandmarkGraph) -> GraphEstimate:
         try:
-            return self._graph.optimize(self.config.back_end.max_iterations)
+            return graph.optimize(self.config.back_end.max_iterations)
         except DivergedError as error:
             logger.warning("%s: the result is what was known on the way", error)
-            return self._graph.unsolved()
+            return graph.unsolved()
 
-    def _metrics(self, estimate: GraphEstimate, landmarks: int, interrupted: bool) -> RunMetrics:
+    def _metrics(self, estimate: GraphEstimate, table: LandmarkTable, landmarks: int, interrupted: bool) -> RunMetrics:
         stamps = self._records.stamps
         duration_s, wall_s = float(stamps[-1] - stamps[0]), self._clock.elapsed
         return RunMetrics(
@@ -324,7 +348,7 @@ class Slam:
             registrations=replace(self._odometry.counts),
             wheels=self._odometry.calibration if self.config.odometry.source == "line-aided" else None,
             observations=replace(self._observations),
-            landmark_life=self._front.table.counts(self.config.map.min_observations),
+            landmark_life=table.counts(self.config.map.min_observations),
             closures=replace(self._closer.counts, revoked=len(estimate.revoked)),
             nis=self._watch.nis,
             trust=self.trust,

@@ -1,0 +1,120 @@
+"""Which landmarks a whole run has seen: many hypotheses side by side, each a filter of its own (Reid 1979)."""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from features.feature import Corners
+from features.se2 import Array, Pose
+from slam.ekf import POSE_DIM
+from slam.hypothesis_kernel import move, succeed, weigh
+
+Indices = NDArray[np.int64]
+
+MOST_HYPOTHESES = 100
+"""Kept after an observation, those of the greatest likelihood."""
+
+DOUBT = 15.0
+"""Log-likelihood by which a hypothesis may stand behind the best one and still turn out right."""
+
+MEMORY = 10
+"""Observations after which hypotheses that took them for the same landmarks differ in nothing that is still open."""
+
+NEW_DENSITY = 1e-5
+"""Likelihood of an observation of a landmark that is not known yet, in any place [1/m^2]."""
+
+ROOM = 16
+"""Landmarks that there is room for at first."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Sighting:
+    """What was seen from a key frame.
+
+    Parameters
+    ----------
+    motion, motion_cov : pose in the frame of the key frame before, shape (3,), and the covariance of its coordinates,
+        shape (3, 3); of the first one nothing that is used.
+    points_robot : points without signature, robot frame.
+    """
+
+    motion: Pose
+    motion_cov: Array
+    points_robot: Corners
+
+
+def most_likely(pose_world_robot: Pose, cov: Array, sightings: Sequence[Sighting]) -> list[Indices]:
+    """Landmark of each observation by the most likely of the hypotheses.
+
+    Whether an observation is a landmark near by or one beside it often shows only by what is seen later. Each
+    observation is therefore taken for each landmark that it may be, and for a new one; of these hypotheses the likely
+    ones go on (eq. M60). Two observations of one moment are two landmarks.
+
+    Parameters
+    ----------
+    pose_world_robot, cov : first pose, shape (3,), and its covariance, shape (3, 3).
+    sightings : one after the other.
+
+    Returns
+    -------
+    Indices, in the order of birth, of the observations of each sighting, shape (k,).
+    """
+    size = POSE_DIM + 2 * ROOM
+    states, covs, counts = np.zeros((1, size)), np.zeros((1, size, size)), np.zeros(1, np.int64)
+    states[0, :POSE_DIM], covs[0, :POSE_DIM, :POSE_DIM] = pose_world_robot, cov
+    scores = np.zeros(1)
+    latest = np.full((1, MEMORY), -1)
+    steps: list[tuple[Indices, Indices]] = []
+    for index, sighting in enumerate(sightings):
+        if index > 0:
+            move(states, covs, counts, sighting.motion, sighting.motion_cov)
+        taken = np.zeros((len(counts), (states.shape[1] - POSE_DIM) // 2), np.bool_)
+        for position, position_cov in zip(sighting.points_robot.positions, sighting.points_robot.covs, strict=True):
+            if counts.max() == taken.shape[1]:
+                states, covs, taken = _more_room(states, covs, taken)
+            seen = np.ascontiguousarray(position), np.ascontiguousarray(position_cov)
+            likelihoods = scores[:, None] + weigh(states, covs, counts, taken, *seen, math.log(NEW_DENSITY))
+            parents, landmarks = _best(likelihoods, counts, latest)
+            scores = likelihoods[parents, landmarks]
+            scores -= scores[0]
+            states, covs, counts = succeed(states, covs, counts, parents, landmarks, *seen)
+            latest = np.column_stack([landmarks, latest[parents, :-1]])
+            taken = taken[parents]
+            taken[np.arange(len(parents)), landmarks] = True
+            steps.append((parents, landmarks))
+    return _trace(steps, [len(sighting.points_robot) for sighting in sightings])
+
+
+def _best(likelihoods: Array, counts: Indices, latest: Indices) -> tuple[Indices, Indices]:
+    """Parents and landmarks of the hypotheses that go on, the most likely first; of those alike the likelier one."""
+    order = np.argsort(-likelihoods, axis=None, kind="stable")
+    values = likelihoods.ravel()[order]
+    order = order[values >= values[0] - DOUBT]
+    parents, landmarks = np.divmod(order, likelihoods.shape[1])
+    alike = np.column_stack([np.maximum(counts[parents], landmarks + 1), landmarks, latest[parents, :-1]])
+    first = np.sort(np.unique(alike, axis=0, return_index=True)[1])[:MOST_HYPOTHESES]
+    return parents[first], landmarks[first]
+
+
+def _more_room(states: Array, covs: Array, taken: NDArray[np.bool_]) -> tuple[Array, Array, NDArray[np.bool_]]:
+    """Twice the room for landmarks."""
+    more = taken.shape[1]
+    return (
+        np.pad(states, ((0, 0), (0, 2 * more))),
+        np.pad(covs, ((0, 0), (0, 2 * more), (0, 2 * more))),
+        np.pad(taken, ((0, 0), (0, more))),
+    )
+
+
+def _trace(steps: list[tuple[Indices, Indices]], counts: list[int]) -> list[Indices]:
+    """Landmarks along the ancestors of the hypothesis that is first at the end, by sighting."""
+    landmarks = np.empty(len(steps), np.int64)
+    hypothesis = 0
+    for step in range(len(steps) - 1, -1, -1):
+        parents, chosen = steps[step]
+        landmarks[step] = chosen[hypothesis]
+        hypothesis = int(parents[hypothesis])
+    return np.split(landmarks, np.cumsum(counts)[:-1]) if counts else []

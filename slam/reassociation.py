@@ -1,0 +1,85 @@
+"""The graph of a whole run once more, by the associations that all of it makes the most likely."""
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.special import chdtri
+
+from features.se2 import Array, Pose
+from slam.errors import DivergedError
+from slam.graph import GraphEstimate, Observations
+from slam.graph_journal import JournaledGraph
+from slam.hypotheses import Sighting, most_likely
+from slam.landmark import LandmarkTable
+
+Indices = NDArray[np.int64]
+
+MERGE_GATE = float(chdtri(2, 1e-4))
+"""Squared Mahalanobis distance of two landmarks up to which they are one, unless they were seen at once (eq. M61).
+
+To the covariance of their difference that of a single observation is added: the noise of one landmark, parted between
+two, makes two that lie by as much apart.
+"""
+
+
+def reassociate(
+    pose_world_robot: Pose, cov: Array, sightings: Sequence[Sighting], cauchy_scale: float, max_iterations: int
+) -> tuple[JournaledGraph, LandmarkTable]:
+    """Tell a graph what was seen, and of which landmarks by :func:`slam.hypotheses.most_likely`.
+
+    Parameters
+    ----------
+    pose_world_robot, cov : first pose, shape (3,), and its covariance, shape (3, 3).
+    sightings : from each key frame.
+    cauchy_scale, max_iterations : of the graph.
+
+    Returns
+    -------
+    graph, table : of the same landmarks; where they are, only the graph knows.
+    """
+    graph, table = JournaledGraph(cauchy_scale), LandmarkTable()
+    seen = most_likely(pose_world_robot, cov, sightings)
+    for sighting, landmarks in zip(sightings, seen, strict=True):
+        points = sighting.points_robot
+        observations = Observations(landmarks, points.positions, points.covs)
+        graph.add_key_frame(pose_world_robot, sighting.motion, sighting.motion_cov, observations)
+        graph.update()
+        new = landmarks >= len(table)
+        table.see(landmarks[~new], points, np.flatnonzero(~new), 0.0)
+        table.add(points, np.flatnonzero(new), 0.0)
+    apart = np.eye(len(table), dtype=np.bool_)
+    variances = np.zeros(len(table))
+    for sighting, landmarks in zip(sightings, seen, strict=True):
+        apart[np.ix_(landmarks, landmarks)] = True
+        variances[landmarks] += 0.5 * np.trace(sighting.points_robot.covs, axis1=1, axis2=2)
+    variances /= table.observations
+    try:
+        while len(pairs := _one(graph, graph.optimize(max_iterations), apart, variances)):
+            for kept, other in pairs.tolist():
+                graph.merge(kept, other)
+                table.merge(kept, other)
+                apart[kept] |= apart[other]
+                apart[:, kept] |= apart[:, other]
+    except DivergedError:
+        # The solution that follows meets the same, and says so.
+        pass
+    return graph, table
+
+
+def _one(graph: JournaledGraph, estimate: GraphEstimate, apart: NDArray[np.bool_], variances: Array) -> Indices:
+    """Pairs of landmarks that are one, the older first, the surest; each landmark once, shape (k, 2)."""
+    first, second = np.nonzero(np.triu(~apart[np.ix_(estimate.landmarks, estimate.landmarks)]))
+    difference = estimate.positions_world[first] - estimate.positions_world[second]
+    # The covariance of a difference is at most twice the sum of the two.
+    alike = 0.5 * (variances[estimate.landmarks[first]] + variances[estimate.landmarks[second]])
+    most = 2.0 * (estimate.covs[first] + estimate.covs[second]) + alike[:, None, None] * np.eye(2)
+    least = np.einsum("ki,ki->k", difference, np.linalg.solve(most, difference[..., None])[..., 0])
+    near = least <= MERGE_GATE
+    pairs = np.stack([estimate.landmarks[first[near]], estimate.landmarks[second[near]]], axis=-1)
+    distances2 = graph.distances2(estimate, pairs, alike[near])
+    chosen: list[int] = []
+    for pair in np.argsort(distances2, kind="stable").tolist():
+        if distances2[pair] <= MERGE_GATE and not np.isin(pairs[pair], pairs[chosen]).any():
+            chosen.append(pair)
+    return pairs[chosen]

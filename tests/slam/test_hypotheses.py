@@ -1,0 +1,83 @@
+"""Associations of a whole run: the filters against ours, what is seen at once, and the map without identities."""
+
+import math
+
+import numpy as np
+import pytest
+
+from features.feature import Corners
+from features.se2 import compose, pose
+from slam.ekf import POSE_DIM, LandmarkEkf
+from slam.front_end import transform_back
+from slam.hypotheses import Sighting, most_likely
+from slam.hypothesis_kernel import move, succeed, weigh
+from slam.reassociation import reassociate
+
+FIRST_COV = np.diag([1e-8, 1e-8, 1e-10])
+MOTION_COV = np.diag([0.01, 0.01, 0.02]) ** 2
+# Two pairs, 8 sigma of a look apart, and two that stand alone.
+LANDMARKS = np.array([[3.0, 1.0], [3.0, 1.4], [-2.0, 2.0], [-2.4, 2.0], [0.0, -3.0], [4.0, -2.0]])
+
+
+def points(positions, sigma=0.05):
+    unknown = np.full(len(positions), np.nan)
+    covs = np.tile(sigma**2 * np.eye(2), (len(positions), 1, 1))
+    return Corners.of(np.asarray(positions).reshape(-1, 2), covs, unknown, unknown, np.zeros(len(positions), np.bool_))
+
+
+def drive(seed, steps=80):
+    """Sightings of a robot that goes round, and which landmarks they are; each is seen by half of the looks."""
+    rng = np.random.default_rng(seed)
+    true, motion = pose(), pose()
+    for _ in range(steps):
+        seen = np.flatnonzero(rng.uniform(size=len(LANDMARKS)) < 0.5)
+        positions = transform_back(true, LANDMARKS[seen]) + rng.normal(0.0, 0.05, (seen.size, 2))
+        yield Sighting(motion, MOTION_COV, points(positions)), seen
+        motion = pose(0.2, 0.0, 0.2)
+        true = compose(true, motion + np.sqrt(np.diag(MOTION_COV)) * rng.normal(size=3))
+
+
+def test_the_kernels_are_the_filter():
+    ekf = LandmarkEkf(pose(0.3, -0.2, 0.5), np.diag([0.01, 0.02, 0.003]))
+    size = POSE_DIM + 4
+    states, covs, counts = np.zeros((1, size)), np.zeros((1, size, size)), np.zeros(1, np.int64)
+    states[0, :POSE_DIM], covs[0, :POSE_DIM, :POSE_DIM] = ekf.x, ekf.P
+    cov = np.array([[0.02, 0.005], [0.005, 0.01]])
+    for landmark, position in zip([0, 1, 0], np.array([[2.0, 1.0], [3.0, -1.0], [1.7, 0.6]]), strict=True):
+        ekf.Q = MOTION_COV
+        ekf.predict(pose(0.3, 0.1, 0.2))
+        move(states, covs, counts, pose(0.3, 0.1, 0.2), MOTION_COV)
+        found = weigh(states, covs, counts, np.zeros((1, 2), np.bool_), position, cov, -7.0)
+        assert found[0, counts[0]] == -7.0
+        known = landmark < counts[0]
+        states, covs, counts = succeed(states, covs, counts, np.array([0]), np.array([landmark]), position, cov)
+        if known:
+            ekf.observe(position[None], cov[None], np.array([landmark]))
+            innovation = np.linalg.slogdet(2.0 * math.pi * ekf.S)[1] + ekf.y @ np.linalg.solve(ekf.S, ekf.y)
+            assert found[0, landmark] == pytest.approx(-0.5 * innovation, rel=1e-9)
+        else:
+            ekf.add_landmarks(position[None], cov)
+        used = ekf.x.size
+        np.testing.assert_allclose(states[0, :used], ekf.x, atol=1e-12)
+        np.testing.assert_allclose(covs[0, :used, :used], ekf.P, atol=1e-12)
+
+
+@pytest.mark.parametrize("seed", [1, 2])
+def test_what_is_seen_at_once_is_never_one(seed):
+    sightings, _ = zip(*drive(seed, steps=40), strict=True)
+    for landmarks in most_likely(pose(), FIRST_COV, sightings):
+        assert len(set(landmarks.tolist())) == len(landmarks)
+
+
+@pytest.mark.parametrize("seed", [1, 2, 3])
+def test_pairs_are_told_apart_without_identities(seed):
+    sightings, _ = zip(*drive(seed), strict=True)
+    graph, table = reassociate(pose(), FIRST_COV, sightings, 2.0, 100)
+    estimate = graph.optimize(100)
+    kept = table.confirmed(3)[estimate.landmarks]
+    positions = estimate.positions_world[kept]
+    assert len(positions) == len(LANDMARKS)
+    nearest = np.hypot(*(LANDMARKS[:, None] - positions[None]).transpose(2, 0, 1))
+    assert sorted(nearest.argmin(axis=1).tolist()) == list(range(len(LANDMARKS)))
+    # Half the spacing of a pair: none is taken for its neighbour.
+    assert nearest.min(axis=1).max() < 0.2
