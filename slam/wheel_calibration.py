@@ -56,13 +56,13 @@ class WheelCalibration:
     @property
     def cov(self) -> Array:
         """Covariance of travel, turn and drift, shape (3, 3); it holds for wheels whose chance errors are as stated."""
-        return np.linalg.inv(self._information)
+        return np.asarray(np.linalg.inv(self._information), np.float64)
 
     def correct(self, motion: Pose, cov: Array) -> Pose:
         """Motion without what is known to be wrong in it, of a reported motion with its covariance."""
-        corrected = motion + _jacobian(motion) @ self._state
-        self._wheels.move(corrected, cov)
-        return corrected
+        left_out: Pose = _jacobian(motion) @ self._state
+        self._wheels.move(motion + left_out, cov)
+        return motion + left_out
 
     def learn(self, since: Anchor) -> bool:
         """Compare the motion since the last comparison with what the wheels say of it; False where it was too short."""

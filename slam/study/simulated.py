@@ -67,7 +67,7 @@ def simulate(source: SimulatedRun, config: SlamConfig, scans: int = 0) -> dict[s
     report = evaluate_simulated(source, result)
     instants = np.arange(1, INSTANTS + 1) * (records - 1) / INSTANTS
     latest = np.searchsorted(updates, instants, side="right") - 1
-    landmarks = np.array(score.corners)[result.landmarks.ids]
+    landmarks = score.corners()[result.landmarks.ids]
     genuine = landmarks[landmarks >= 0]
     key_poses = source.poses_world_robot[slam.key_frame_records]
     closures = ClosureScore.of(slam.closures, slam.estimate.revoked, key_poses)
@@ -79,8 +79,8 @@ def simulate(source: SimulatedRun, config: SlamConfig, scans: int = 0) -> dict[s
         "landmark_rmse_m": report.landmark_rmse_m,
         "nis": nis,
         "nis_dof": nis_dof,
-        "association_precision": score.right / score.matches if score.matches else None,
-        "association_recall": score.right / score.known if score.known else None,
+        "association_precision": score.precision(),
+        "association_recall": score.recall(),
         "landmarks": len(landmarks),
         "duplicates": (duplicates := len(genuine) - len(set(genuine.tolist()))),
         "duplicates_share": duplicates / max(1, len(landmarks)),

@@ -25,20 +25,22 @@ FALSE_POSITION, FALSE_HEADING = 0.5, np.radians(5.0)
 class AssociationScore:
     """Counts associations against the true corner of each observation.
 
-    A landmark is the corner whose observation it was born of. A match is right if its observation is of that corner; an
-    observation is known if some landmark was its corner already.
+    A landmark is the corner that most of its observations are of, of equals the first one. That of its birth alone
+    would not do: beams that pass an edge feign a corner beside it, of no label, and what is seen there later is the
+    edge.
+    A match is right if its observation is of the corner that the landmark is; an observation is known if some landmark
+    of before was its corner.
 
     Parameters
     ----------
-    matches, right : observations that were associated, and those of them that belong to their landmark.
-    known : observations of corners that were on the map.
-    corners : true corner of each landmark, -1 for none.
+    matches : landmark and true corner, -1 for none, of the observations that were associated, of each scan.
+    births : true corner of the observations that new landmarks were born of, of each scan.
+    seen : true corners of all observations of each scan.
     """
 
-    matches: int = 0
-    right: int = 0
-    known: int = 0
-    corners: list[int] = field(default_factory=list)
+    matches: list[tuple[Labels, Labels]] = field(default_factory=list)
+    births: list[Labels] = field(default_factory=list)
+    seen: list[Labels] = field(default_factory=list)
 
     def count(self, association: Association, labels: Labels) -> None:
         """Count what became of the observations of one scan.
@@ -48,13 +50,40 @@ class AssociationScore:
         association : of the observed corners.
         labels : true corner of each observed one, -1 for none, shape (k,).
         """
-        known = np.isin(labels, self.corners) & (labels >= 0)
-        of_landmarks = np.array(self.corners, dtype=np.int64)[association.landmarks]
-        matched = labels[association.corners]
-        self.matches += len(matched)
-        self.right += int(((matched == of_landmarks) & (matched >= 0)).sum())
-        self.known += int(known.sum())
-        self.corners += labels[association.new].tolist()
+        self.matches.append((association.landmarks, labels[association.corners]))
+        self.births.append(labels[association.new])
+        self.seen.append(labels)
+
+    def corners(self) -> Labels:
+        """Return the true corner of each landmark, -1 for none."""
+        births = np.concatenate([np.empty(0, np.int64), *self.births])
+        seen: list[list[int]] = [[corner] if corner >= 0 else [] for corner in births.tolist()]
+        for landmarks, labels in self.matches:
+            for landmark, corner in zip(landmarks.tolist(), labels.tolist(), strict=True):
+                if corner >= 0:
+                    seen[landmark].append(corner)
+        return np.array([max(each, key=each.count, default=-1) for each in seen], np.int64)
+
+    def precision(self) -> float | None:
+        """Share of the matches that are right; None where there are none."""
+        corners = self.corners()
+        right = [(corners[landmarks] == labels) & (labels >= 0) for landmarks, labels in self.matches]
+        return _share(right)
+
+    def recall(self) -> float | None:
+        """Right matches per observation of a known corner; None where there are none."""
+        corners = self.corners()
+        born, right, known = 0, 0, 0
+        for (landmarks, matched), births, labels in zip(self.matches, self.births, self.seen, strict=True):
+            right += int(((corners[landmarks] == matched) & (matched >= 0)).sum())
+            known += int((np.isin(labels, corners[:born]) & (labels >= 0)).sum())
+            born += len(births)
+        return right / known if known else None
+
+
+def _share(parts: Sequence[NDArray[np.bool_]]) -> float | None:
+    whole = np.concatenate([np.empty(0, np.bool_), *parts])
+    return float(whole.mean()) if len(whole) else None
 
 
 def true_corners(world: World, measurement: Measurement, features: Features, positions_world: Array) -> Labels:

@@ -43,13 +43,27 @@ def associated(corners: list[int], landmarks: list[int], new: list[int]) -> Asso
     return Association(*(np.array(of, np.int64) for of in (corners, landmarks, new)))
 
 
-def test_associations_are_scored_against_the_corner_that_a_landmark_was_born_of() -> None:
+def test_associations_are_scored_against_the_corner_that_a_landmark_is_mostly_seen_as() -> None:
     score = AssociationScore()
+    assert score.precision() is None
+    assert score.recall() is None
     score.count(associated([], [], [0, 1, 2]), np.array([7, 8, -1]))
-    assert score == AssociationScore(0, 0, 0, [7, 8, -1])
+    assert score.corners().tolist() == [7, 8, -1]
     # Right, wrong, one of no corner to a landmark of none, one that is left out, and one that is born a second time.
     score.count(associated([0, 1, 2], [0, 0, 2], [4]), np.array([7, 8, -1, 8, 7]))
-    assert score == AssociationScore(matches=3, right=1, known=4, corners=[7, 8, -1, 7])
+    assert score.corners().tolist() == [7, 8, -1, 7]
+    assert score.precision() == pytest.approx(1 / 3)
+    assert score.recall() == pytest.approx(1 / 4)
+
+
+def test_a_landmark_born_of_a_feigned_corner_is_the_edge_that_is_seen_there_later() -> None:
+    score = AssociationScore()
+    score.count(associated([], [], [0, 1]), np.array([-1, 5]))
+    score.count(associated([0, 1], [0, 1], []), np.array([4, 4]))
+    score.count(associated([0, 1], [0, 1], []), np.array([4, 5]))
+    assert score.corners().tolist() == [4, 5]
+    assert score.precision() == pytest.approx(3 / 4)
+    assert score.recall() == pytest.approx(3 / 4)
 
 
 def test_a_corner_is_where_the_walls_meet_that_its_two_lines_hit_however_near_another_corner_is() -> None:
