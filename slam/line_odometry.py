@@ -186,15 +186,14 @@ class LineOdometry:
             slip = _change(fit, drifting.pose)
             slipped = drifting.cov + np.outer(slip, slip)
             fit = register(scan, self._map.walls, drifting.pose, slipped, fit.pose_map_robot, RULES)
-            if fit.share > max(SURE_SHARE, near.share):
-                self.counts.predictions_rejected += 1
-                drifting.doubt(slip)
-            elif near.share >= SURE_SHARE and _distance2(near, drifting.pose) <= PRIOR_GATE:
+            if near.share >= max(SURE_SHARE, fit.share) and _distance2(near, drifting.pose) <= PRIOR_GATE:
                 fit = near
             else:
-                self.counts.failed += 1
                 drifting.doubt(slip)
-                return None
+                if fit.share < SURE_SHARE:
+                    self.counts.failed += 1
+                    return None
+                self.counts.predictions_rejected += 1
         self.counts.registered += 1
         return fit
 

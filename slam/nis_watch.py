@@ -44,6 +44,8 @@ class NisWatch:
 
     The gate of the association takes off the tail of each pair's distribution, so that the expected NIS is smaller than
     its degrees of freedom (eq. M59).
+    Updates of which one sees what the other saw err together, which the bounds do not know: a filter is taken to
+    promise too much where windows have been above for the length of one, the first and the last sharing no update.
 
     Parameters
     ----------
@@ -56,9 +58,10 @@ class NisWatch:
         self._latest: deque[tuple[float, int]] = deque(maxlen=WINDOW)
         self._total, self._dof = 0.0, 0
         self._windows = self._above = self._below = 0
+        self._above_in_a_row = 0
 
     def add(self, nis: float, pairs: int) -> bool:
-        """Take in an update of so many pairs; whether the window that it ends is above its bounds."""
+        """Take in an update of so many pairs; whether the windows stay above their bounds."""
         if not pairs:
             return False
         self._latest.append((nis, 2 * pairs))
@@ -71,7 +74,8 @@ class NisWatch:
         self._windows += 1
         self._above += bool(above)
         self._below += bool(below)
-        return bool(above)
+        self._above_in_a_row = self._above_in_a_row + 1 if above else 0
+        return self._above_in_a_row > WINDOW
 
     def summary(self) -> NisSummary | None:
         """Figures so far; None where nothing was matched."""

@@ -6,7 +6,7 @@ import numpy as np
 
 from drivers.frame import Frame
 from features.se2 import Array, Pose
-from slam.trajectory import Trajectory
+from slam.trajectory import Trajectory, told_apart
 
 
 class Records:
@@ -64,15 +64,18 @@ class Records:
         self._scans.append(len(self.stamps) - 1)
         self._poses_online.append(pose_world_robot)
 
+    def times(self) -> Array:
+        """Stamps of the records, shape (n,) [s]; those of one stamp told apart by the motion between them."""
+        return told_apart(np.array(self.stamps), np.array(self.poses_odom))
+
     def wheels(self) -> Trajectory:
         """Pose of every record by the log."""
-        return Trajectory(np.array(self.stamps), np.array(self.poses_odom))
+        return Trajectory(self.times(), np.array(self.poses_odom))
 
     def odometry(self) -> Trajectory:
         """Pose of every record by odometry as configured."""
-        return Trajectory(np.array(self.stamps), np.array(self.poses_map))
+        return Trajectory(self.times(), np.array(self.poses_map))
 
     def online(self) -> Trajectory:
         """Pose of the filter at each scan."""
-        stamps: Array = np.array(self.stamps)[self._scans]
-        return Trajectory(stamps, np.array(self._poses_online))
+        return Trajectory(self.times()[self._scans], np.array(self._poses_online))

@@ -97,9 +97,7 @@ class Trajectory:
     def nearest(self, stamps: ArrayLike, tolerance: float) -> NDArray[np.intp]:
         """Look up the pose nearest in time, of two equally near stamps the earlier.
 
-        Poses of one stamp were taken one after the other, faster than the clock ticks: as fast as in the fullest tick
-        of the trajectory, from the tick before where that has poses, into the next where that has some, and evenly
-        spread over the tick where both have. A tick is the least time between different stamps thereabouts.
+        Poses of one stamp are told apart as :func:`told_apart` does.
 
         Parameters
         ----------
@@ -118,32 +116,45 @@ class Trajectory:
         wanted = _stamp_array(stamps)
         if len(self) == 0:
             return np.full(wanted.shape, -1, dtype=np.intp)
-        after = np.minimum(np.searchsorted(self.stamps, wanted, side="right"), len(self) - 1)
+        own = told_apart(self.stamps, self.poses)
+        after = np.minimum(np.searchsorted(own, wanted, side="right"), len(self) - 1)
         before = np.maximum(after - 1, 0)
-        to_after = self.stamps[after] - wanted
-        to_before = wanted - self.stamps[before]
-        at = np.where((to_after < to_before) | (after == 0), after, before)
-        first, place = self._place_in_tick(at, wanted)
-        return np.where(np.abs(self.stamps[at] - wanted) <= tolerance, first + place, -1)
+        at = np.where((own[after] - wanted < wanted - own[before]) | (after == 0), after, before)
+        near = np.minimum(np.abs(self.stamps[at] - wanted), np.abs(own[at] - wanted)) <= tolerance
+        return np.where(near, at, -1)
 
-    def _place_in_tick(self, at: NDArray[np.intp], wanted: Array) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
-        """First of the poses that share a stamp with those at indices, and how many of them come before a moment."""
-        distinct, firsts, counts = np.unique(self.stamps, return_index=True, return_counts=True)
-        steps = np.append(np.diff(distinct), np.inf)
-        ticks = minimum_filter1d(steps, STAMPS_ABOUT, mode="nearest")
-        goes_on = steps < 1.5 * ticks
-        comes_on = np.append(False, goes_on[:-1])
-        most = np.where(goes_on & comes_on, counts, counts.max())
 
-        stamp = np.searchsorted(distinct, self.stamps[at])
-        count, most = counts[stamp], most[stamp]
-        # In records that a tick holds, from its beginning: the moment, and where the first record may be.
-        tick = ticks[stamp]
-        moment = (0.5 + np.clip(wanted - self.stamps[at], -0.5 * tick, 0.5 * tick) / tick) * most
-        earliest = np.where(goes_on[stamp], most - count, 0)
-        latest = np.where(comes_on[stamp], 0, most - count)
-        begin = 0.5 * (np.maximum(earliest, moment - count) + np.minimum(latest, moment))
-        return firsts[stamp], np.clip(np.ceil(moment - begin) - 1.0, 0, count - 1).astype(np.intp)
+def told_apart(stamps: Array, poses: Array) -> Array:
+    """Give poses that share a stamp times of their own.
+
+    They were taken one after the other, faster than the clock ticks: as fast as in the fullest tick, from the tick
+    before where that has poses, into the next where that has some, and evenly over the tick where both have. A tick is
+    the least time between different stamps thereabouts. Equal poses of one stamp keep it.
+
+    Parameters
+    ----------
+    stamps : shape (n,), never decreasing [s].
+    poses : shape (n, 3).
+
+    Returns
+    -------
+    stamps : shape (n,), none further than half a tick from what it was, never decreasing [s].
+    """
+    distinct, firsts, numbers, counts = np.unique(stamps, return_index=True, return_inverse=True, return_counts=True)
+    moved = np.zeros(len(distinct), np.bool_)
+    np.logical_or.at(moved, numbers[1:], (np.diff(stamps) == 0.0) & (np.diff(poses, axis=0) != 0.0).any(axis=1))
+    steps = np.append(np.diff(distinct), np.inf)
+    ticks = minimum_filter1d(steps, STAMPS_ABOUT, mode="nearest")
+    goes_on = steps < 1.5 * ticks
+    comes_on = np.append(False, goes_on[:-1])
+    room = np.where(goes_on & comes_on, 0, counts.max(initial=0) - counts)
+    begin = np.where(goes_on, room, np.where(comes_on, 0.0, 0.5 * room))
+    here = (moved & np.isfinite(ticks))[numbers]
+    of = numbers[here]
+    place = begin[of] + 0.5 + np.flatnonzero(here) - firsts[of]
+    own = stamps.copy()
+    own[here] += ticks[of] * (place / (room + counts)[of] - 0.5)
+    return own
 
 
 def _stamp_array(stamps: ArrayLike) -> Array:

@@ -40,7 +40,7 @@ class Calibration:
 
 
 class WheelCalibration:
-    """Learns the systematic errors of wheels, stretch by stretch (eq. M64, M65)."""
+    """Learns the systematic errors of wheels, stretch by stretch (eq. M62, M63)."""
 
     def __init__(self) -> None:
         self._state = np.zeros(3)

@@ -145,7 +145,7 @@ def test_without_ezdxf_the_message_says_how_to_get_it(drawing, read, monkeypatch
     monkeypatch.setitem(sys.modules, "ezdxf", None)
     monkeypatch.delitem(sys.modules, "sim.dxf_world", raising=False)
     drawing.modelspace().add_line((0, 0), (1, 0))
-    with pytest.raises(WorldError, match=r"pip install 'cwlf-slam\[dxf\]'"):
+    with pytest.raises(WorldError, match=r"pip install ezdxf"):
         read(drawing)
 
 

@@ -44,9 +44,17 @@ def test_a_filter_that_promises_too_much_or_too_little_leaves_its_bounds(
     assert (summary.above > 0.5, summary.below > 0.5) == (above, not above)
 
 
-def test_a_window_has_to_be_full_and_updates_without_pairs_do_not_count() -> None:
+def test_too_much_is_told_where_windows_without_a_common_update_show_it() -> None:
     watch = NisWatch(0.99)
     assert watch.summary() is None
-    assert not any(watch.add(1000.0, PAIRS) for _ in range(WINDOW - 1))
+    assert not any(watch.add(1000.0, PAIRS) for _ in range(2 * WINDOW - 1))
     assert not watch.add(0.0, 0)
     assert watch.add(1000.0, PAIRS)
+
+
+def test_what_errs_together_in_one_window_is_not_told() -> None:
+    watch = NisWatch(0.99)
+    assert not any(watch.add(3.0 * 2 * PAIRS if k < WINDOW // 2 else 2 * PAIRS, PAIRS) for k in range(4 * WINDOW))
+    summary = watch.summary()
+    assert summary is not None
+    assert summary.above > 0.0

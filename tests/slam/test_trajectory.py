@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from features.errors import CwlfError
 from features.se2 import wrap_angle
-from slam.trajectory import Trajectory, TrajectoryFormatError, read_tum, write_tum
+from slam.trajectory import Trajectory, TrajectoryFormatError, read_tum, told_apart, write_tum
 
 
 def random_trajectory(seed, count=50):
@@ -173,9 +173,18 @@ def test_tum_files_that_cannot_be_opened_are_errors(tmp_path):
 def test_poses_of_one_stamp_follow_one_another_within_the_tick():
     poses = np.column_stack([np.arange(6.0), np.zeros(6), np.zeros(6)])
     trajectory = Trajectory(np.array([0.0, 1.0, 1.0, 1.0, 1.0, 2.0]), poses)
-    assert trajectory.nearest([0.4, 0.55, 0.8, 1.0, 1.2, 1.45, 1.6], 0.5).tolist() == [0, 1, 2, 2, 3, 4, 5]
-    alone = Trajectory(np.array([1.0, 1.0, 1.0]), poses[:3])
-    assert alone.nearest([0.9, 1.0, 1.1], 0.5).tolist() == [1, 1, 1]
+    assert trajectory.nearest([0.3, 0.55, 0.8, 1.0, 1.2, 1.45, 1.6], 0.5).tolist() == [0, 1, 2, 2, 3, 4, 5]
+    np.testing.assert_allclose(told_apart(trajectory.stamps, poses), [0.0, 0.625, 0.875, 1.125, 1.375, 2.0])
+
+
+def test_stamps_that_tell_all_there_is_to_tell_are_kept():
+    stamps = np.array([0.0, 1.0, 1.0, 1.0, 2.0])
+    for poses in (np.zeros((5, 3)), np.repeat([[0.0], [1.0], [2.0]], [1, 3, 1], axis=0) * np.ones(3)):
+        np.testing.assert_array_equal(told_apart(stamps, poses), stamps)
+    moving = np.arange(5.0)[:, None] * np.ones(3)
+    np.testing.assert_array_equal(told_apart(np.arange(5.0), moving), np.arange(5.0))
+    np.testing.assert_array_equal(told_apart(np.ones(5), moving), np.ones(5))
+    assert told_apart(np.empty(0), np.empty((0, 3))).size == 0
 
 
 @given(
@@ -192,7 +201,10 @@ def test_a_record_is_found_again_by_its_true_stamp_though_the_log_rounds_it(most
     counts = [4 * most] + [count for count, _ in bursts]
     true = np.concatenate([at + np.arange(n) / most for at, n in zip(begins, counts, strict=True)])
     rounded = np.floor(true + 0.5)
-    trajectory = Trajectory(rounded, np.zeros((len(true), 3)))
+    trajectory = Trajectory(rounded, np.arange(len(true))[:, None] * np.ones(3))
+    own = told_apart(rounded, trajectory.poses)
+    assert (np.diff(own) >= 0.0).all()
+    assert (np.abs(own - rounded) <= 0.5).all()
     errors = trajectory.nearest(true, 0.6) - np.arange(len(true))
     burst = np.repeat(np.arange(len(counts)), counts)
     over_ticks = np.array([np.ptp(rounded[burst == k]) > 0.0 for k in range(len(counts))])[burst]
