@@ -189,7 +189,7 @@ def test_observations_are_checked():
 
 @pytest.mark.skipif(not DATA.is_dir(), reason=f"{DATA} is absent: set CWLF_DATA to the folder of the real logs")
 def test_a_piece_of_mrclam_is_mapped_to_the_survey():
-    """The first 160 s see all 15 landmarks; the issue asks 0.18 m of the whole."""
+    """The first 160 s see all 15 landmarks."""
     log = MrclamLog(DATA)
     start = next(iter(log)).stamp
     result, _ = mapped(
