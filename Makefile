@@ -4,7 +4,7 @@ VENV ?= .venv
 BIN := $(VENV)/bin
 READY := $(VENV)/.ready
 
-.PHONY: demo test lint bench docs clean
+.PHONY: demo test lint bench docs results clean
 
 demo: $(READY)
 	$(BIN)/cwlf-slam demo --out runs/demo --overwrite
@@ -25,6 +25,9 @@ docs: demo
 	cp runs/demo/map.png docs/demo-map.png
 	$(BIN)/cwlf-slam study paper --docs docs --out runs/paper
 	$(BIN)/python docs/draw_worlds.py runs/worlds
+
+results: $(READY)
+	$(BIN)/python docs/measure_logs.py runs/results
 
 $(READY): pyproject.toml constraints.txt
 	$(PYTHON) -c 'import sys; sys.exit(0 if sys.version_info >= (3, 11) else "Python 3.11 or newer is needed: make PYTHON=python3.11")'

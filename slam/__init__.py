@@ -7,9 +7,10 @@ if TYPE_CHECKING:
     from slam.config import SlamConfig
     from slam.config_file import load_config
     from slam.metrics import ate, rpe
-    from slam.pipeline import Slam, Step
+    from slam.pipeline import Slam
     from slam.result import LandmarkMap, SlamResult
     from slam.run_folder import save_run
+    from slam.step import Step
     from slam.trajectory import Trajectory
 
 __all__ = [
@@ -30,7 +31,7 @@ _HOMES = {
     "Slam": "slam.pipeline",
     "SlamConfig": "slam.config",
     "SlamResult": "slam.result",
-    "Step": "slam.pipeline",
+    "Step": "slam.step",
     "Trajectory": "slam.trajectory",
     "ate": "slam.metrics",
     "load_config": "slam.config_file",

@@ -186,7 +186,10 @@ def evaluate(
         Path | None, typer.Option("--relations", help="True relations of pairs of poses (Freiburg benchmark).")
     ] = None,
     truth: Annotated[
-        Path | None, typer.Option("--truth", help="True trajectory (TUM), the recording, or the MRCLAM data set.")
+        Path | None,
+        typer.Option(
+            "--truth", help="True trajectory (TUM, or lines `stamp x y theta`), the recording, or the MRCLAM data set."
+        ),
     ] = None,
     which: Annotated[
         Literal["final", "online", "odometry"],

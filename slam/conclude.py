@@ -8,10 +8,10 @@ from features.se2 import transform
 from slam.config import SlamConfig
 from slam.graph import GraphEstimate
 from slam.key_frame import KeyFrame
-from slam.landmark import LandmarkTable
 from slam.records import Records
 from slam.result import LandmarkMap, RunMetrics, SlamResult
 from slam.smoothing import carry_corrections
+from slam.solution import Solution
 from slam.trajectory import Trajectory
 
 
@@ -40,8 +40,9 @@ def conclude(
     )
 
 
-def landmark_map(estimate: GraphEstimate, table: LandmarkTable, least_observations: int) -> LandmarkMap:
+def landmark_map(solution: Solution, least_observations: int) -> LandmarkMap:
     """Landmarks of the solution that are confirmed."""
+    estimate, table = solution.estimate, solution.table
     kept = table.confirmed(least_observations)[estimate.landmarks]
     ids = estimate.landmarks[kept]
     return LandmarkMap(

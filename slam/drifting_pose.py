@@ -107,6 +107,11 @@ class Anchor:
         """Turn between that moment and now, 0 to pi [rad]."""
         return self._drifting.advance(self._index)[1]
 
+    def beyond(self, distance: float, angle: float) -> bool:
+        """Whether the robot has moved a distance [m] or turned an angle [rad] since."""
+        travel, turn = self._drifting.advance(self._index)
+        return travel >= distance or turn >= angle
+
 
 @njit(cache=True, error_model="numpy")
 def move(pose, cov, crosses, motion, motion_cov):

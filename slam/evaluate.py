@@ -15,7 +15,8 @@ from sim.world import World
 from slam.metrics import align, ate, match_landmarks, rpe
 from slam.relations import read_relations, relations
 from slam.result import SlamResult
-from slam.trajectory import Trajectory, read_tum
+from slam.trajectory import Trajectory
+from slam.trajectory_file import read_trajectory_file
 
 if TYPE_CHECKING:
     from sim.run import SimulatedRun
@@ -40,11 +41,12 @@ def evaluate_relations(path: Path, trajectory: Trajectory) -> Report:
 
 
 def evaluate_truth(path: Path, trajectory: Trajectory, landmarks: Array, identities: NDArray[np.int64]) -> Report:
-    """ATE and RPE of a trajectory, rigidly aligned, against a true one: TUM, a recording, or an MRCLAM data set.
+    """ATE and RPE of a trajectory, rigidly aligned, against a true one.
 
-    Where a recording holds walls, the landmarks, shape (n, 2) [m], are compared with their corners, in the alignment of
-    the trajectory; where a data set has surveyed landmarks, with these, in an alignment of their own, by ``identities``
-    where they are known, -1 where not, shape (n,).
+    That is a trajectory file, a recording, or an MRCLAM data set. Where a recording holds walls, the landmarks, shape
+    (n, 2) [m], are compared with their corners, in the alignment of the trajectory; where a data set has surveyed
+    landmarks, with these, in an alignment of their own, by ``identities`` where they are known, -1 where not, shape
+    (n,).
     """
     if is_mrclam(path):
         data_set = MrclamLog(path)
@@ -52,7 +54,7 @@ def evaluate_truth(path: Path, trajectory: Trajectory, landmarks: Array, identit
         surveyed, positions = data_set.true_landmarks()
         return report | {"landmarks": _survey_report(surveyed, positions, identities, landmarks, alignment)}
     recording = Recording(path) if is_recording(path) else None
-    true = read_tum(path) if recording is None else Trajectory(*recording.truth())
+    true = read_trajectory_file(path) if recording is None else Trajectory(*recording.truth())
     report, alignment = _trajectory_report(true, trajectory)
     if recording is not None and len(recording.walls):
         corners = World(recording.name, recording.walls).corners

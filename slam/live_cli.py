@@ -17,8 +17,9 @@ if TYPE_CHECKING:
     from drivers.frame import Frame, FrameSource
     from drivers.recorder import Recorder
     from drivers.rplidar import Rplidar
-    from slam.pipeline import Slam, Step
+    from slam.pipeline import Slam
     from slam.session import Progress, Session
+    from slam.step import Step
 
 RECORDING = "recording.jsonl.gz"
 """File of a live run in which everything that came is kept."""

@@ -10,7 +10,8 @@ import numpy as np
 from drivers.frame import Frame
 from features.se2 import Array, transform
 from slam.errors import ViewError
-from slam.pipeline import Slam, Step
+from slam.pipeline import Slam
+from slam.step import Step
 
 SIGMAS = 2.0
 CIRCLE = np.column_stack([np.cos(np.linspace(0.0, 2.0 * np.pi, 25)), np.sin(np.linspace(0.0, 2.0 * np.pi, 25))])

@@ -1,15 +1,13 @@
 """The whole of SLAM, frame by frame: predict, extract, register, associate, update, birth, key frame, loop."""
 
-import logging
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from drivers.frame import Frame
-from features.feature import Features
 from features.se2 import Array, Pose, compose, rotation
 from slam.association import Association, ObservationCounts
 from slam.compiled import load_compiled
@@ -17,9 +15,8 @@ from slam.conclude import conclude, landmark_map
 from slam.config import SlamConfig
 from slam.drifting_pose import Anchor
 from slam.ekf import LandmarkEkf
-from slam.errors import DivergedError
 from slam.front_end import FrontEnd
-from slam.graph import Closure, GraphEstimate, LandmarkGraph
+from slam.graph_factors import Closure
 from slam.graph_journal import JournaledGraph
 from slam.hypotheses import Sighting
 from slam.key_frame import KeyFrame
@@ -29,32 +26,14 @@ from slam.parts import gates, line_odometry, loop_rules
 from slam.reassociation import reassociate
 from slam.records import Records
 from slam.result import RunMetrics, SlamResult
+from slam.solution import Solution, solve
 from slam.stage_clock import StageClock, peak_memory_mb
+from slam.step import Step
 from slam.view import View, look
 from slam.watch import Trust, Watch
 
-logger = logging.getLogger(__name__)
-
 FIRST_POSE_COV = np.diag([1e-8, 1e-8, 1e-10])
 """The first pose defines the world frame."""
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Step:
-    """What one frame did.
-
-    Parameters
-    ----------
-    stamp : of the frame [s].
-    pose_world_robot : pose of the filter after the frame, shape (3,).
-    features : lines and corners of its scan, sensor frame; None for a frame without scan.
-    association : what became of the corners; None where the robot had not moved enough to use them.
-    """
-
-    stamp: float
-    pose_world_robot: Pose
-    features: Features | None = None
-    association: Association | None = None
 
 
 class Slam:
@@ -70,7 +49,7 @@ class Slam:
 
     def __init__(self, config: SlamConfig) -> None:
         self.config = config
-        self._solved: tuple[LandmarkGraph, GraphEstimate] | None = None
+        self._solution: Solution | None = None
         self._sensor = config.sensor.model()
         self._graph = JournaledGraph(config.back_end.cauchy_scale)
         self._closer = LoopCloser(loop_rules(config))
@@ -129,20 +108,11 @@ class Slam:
         return self._front.table
 
     @property
-    def estimate(self) -> GraphEstimate:
-        """Solution of the graph by the last :meth:`finish`."""
-        return self._solution[1]
-
-    def pose_covs(self, key_frames: NDArray[np.int64]) -> Array:
-        """Marginal covariances of key frames by :attr:`estimate`; see :meth:`slam.graph.LandmarkGraph.pose_covs`."""
-        graph, estimate = self._solution
-        return graph.pose_covs(estimate, key_frames)
-
-    @property
-    def _solution(self) -> tuple[LandmarkGraph, GraphEstimate]:
-        if self._solved is None:
+    def solution(self) -> Solution:
+        """Solution of the graph by the last :meth:`finish`; ValueError before it."""
+        if self._solution is None:
             raise ValueError("the graph was not solved yet: call finish first")
-        return self._solved
+        return self._solution
 
     def process(self, frame: Frame) -> Step:
         """Take one frame in.
@@ -216,19 +186,15 @@ class Slam:
 
     def _update_due(self) -> bool:
         front_end = self.config.front_end
-        since = self._since_update
-        return since.travel >= front_end.update_distance_m or since.turn >= math.radians(front_end.update_angle_deg)
+        return self._since_update.beyond(front_end.update_distance_m, math.radians(front_end.update_angle_deg))
 
     def _key_frame_due(self, view: View) -> bool:
         if view.scan is None and self._key_frames:
             # An observation is small: the graph takes each that the filter takes, once the robot has moved at all.
             return self._update_due() and self._since_key_frame.travel + self._since_key_frame.turn > 0.0
         back_end = self.config.back_end
-        since = self._since_key_frame
-        return (
-            not self._key_frames
-            or since.travel >= back_end.key_frame_distance_m
-            or since.turn >= math.radians(back_end.key_frame_angle_deg)
+        return not self._key_frames or self._since_key_frame.beyond(
+            back_end.key_frame_distance_m, math.radians(back_end.key_frame_angle_deg)
         )
 
     def _update(self, view: View) -> tuple[Association, NDArray[np.int64]]:
@@ -307,33 +273,25 @@ class Slam:
         if not self._key_frames:
             raise ValueError("no scan was processed: there is nothing to finish")
         with self._clock.timed("back_end"):
-            graph, table = self._associated()
-            estimate = self._solve(graph)
-            self._solved = graph, estimate
-        landmarks = landmark_map(estimate, table, self.config.map.min_observations)
-        metrics = self._metrics(estimate, table, len(landmarks), interrupted)
-        return conclude(self._records, self._key_frames, estimate, landmarks, metrics, self.config)
+            self._solution = solution = self._solve()
+        landmarks = landmark_map(solution, self.config.map.min_observations)
+        metrics = self._metrics(solution, len(landmarks), interrupted)
+        return conclude(self._records, self._key_frames, solution.estimate, landmarks, metrics, self.config)
 
-    def _associated(self) -> tuple[LandmarkGraph, LandmarkTable]:
-        """Graph and landmarks as they grew; where no observation has a signature or an identity, by all that was seen.
+    def _solve(self) -> Solution:
+        """Solve the graph as it grew; where no observation has a signature or an identity, one by all that was seen.
 
         One that looks like any other is told apart by what is seen later, which the filter could not wait for.
         """
-        if len(self._unidentified) < len(self._key_frames):
-            return self._graph, self._front.table
-        first_pose, back_end = self._graph.poses_world_robot[0], self.config.back_end
-        return reassociate(
-            first_pose, FIRST_POSE_COV, self._unidentified, back_end.cauchy_scale, back_end.max_iterations
-        )
+        graph, table, back_end = self._graph, self._front.table, self.config.back_end
+        if len(self._unidentified) == len(self._key_frames):
+            first_pose = graph.poses_world_robot[0]
+            graph, table = reassociate(
+                first_pose, FIRST_POSE_COV, self._unidentified, back_end.cauchy_scale, back_end.max_iterations
+            )
+        return solve(graph, table, back_end.max_iterations)
 
-    def _solve(self, graph: LandmarkGraph) -> GraphEstimate:
-        try:
-            return graph.optimize(self.config.back_end.max_iterations)
-        except DivergedError as error:
-            logger.warning("%s: the result is what was known on the way", error)
-            return graph.unsolved()
-
-    def _metrics(self, estimate: GraphEstimate, table: LandmarkTable, landmarks: int, interrupted: bool) -> RunMetrics:
+    def _metrics(self, solution: Solution, landmarks: int, interrupted: bool) -> RunMetrics:
         stamps = self._records.stamps
         duration_s, wall_s = float(stamps[-1] - stamps[0]), self._clock.elapsed
         return RunMetrics(
@@ -348,12 +306,12 @@ class Slam:
             registrations=replace(self._odometry.counts),
             wheels=self._odometry.calibration if self.config.odometry.source == "line-aided" else None,
             observations=replace(self._observations),
-            landmark_life=table.counts(self.config.map.min_observations),
-            closures=replace(self._closer.counts, revoked=len(estimate.revoked)),
+            landmark_life=solution.table.counts(self.config.map.min_observations),
+            closures=replace(self._closer.counts, revoked=len(solution.estimate.revoked)),
             nis=self._watch.nis,
             trust=self.trust,
             stages=self._clock.stages(),
-            graph_converged=estimate.converged,
+            graph_converged=solution.estimate.converged,
             interrupted=interrupted,
         )
 

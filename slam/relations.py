@@ -8,7 +8,8 @@ import numpy as np
 from features.errors import CwlfError
 from features.se2 import Array
 from slam.metrics import UnmatchedError, magnitudes, motions_between, pose_differences, span
-from slam.trajectory import Trajectory, read_rows
+from slam.trajectory import Trajectory
+from slam.trajectory_file import read_rows
 
 RELATION_TOLERANCE = 0.05
 """A pose belongs to the stamp of a relation if it differs by no more than this [s]."""
@@ -81,7 +82,7 @@ def read_relations(path: str | os.PathLike[str]) -> Relations:
     RelationsFormatError
         The file cannot be read or has no relation, or a line has not eight finite numbers.
     """
-    rows = [values for _, values in read_rows(path, "t1 t2 x y z roll pitch yaw", RelationsFormatError)]
+    rows = [values for _, values in read_rows(path, ("t1 t2 x y z roll pitch yaw",), RelationsFormatError)]
     if not rows:
         raise RelationsFormatError(f"{path} has no relation: expected lines of `t1 t2 x y z roll pitch yaw`")
     table = np.array(rows)

@@ -16,7 +16,8 @@ from features.se2 import Array
 from slam.config_file import to_toml
 from slam.errors import RunFolderError
 from slam.result import SlamResult
-from slam.trajectory import Trajectory, read_tum, write_tum
+from slam.trajectory import Trajectory
+from slam.trajectory_file import read_trajectory_file, write_tum
 
 TRAJECTORY, TRAJECTORY_ONLINE, TRAJECTORY_ODOMETRY = (
     "trajectory.tum",
@@ -109,7 +110,7 @@ def read_trajectory(folder: Path, which: str = "final") -> Trajectory:
         raise RunFolderError(f"{folder}: {problem}")
     if not path.is_file():
         raise RunFolderError(f"{folder}: holds no {path.name}, so it is not a run folder")
-    return read_tum(path)
+    return read_trajectory_file(path)
 
 
 def read_landmarks(folder: Path) -> tuple[Array, NDArray[np.int64]]:

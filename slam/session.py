@@ -13,9 +13,10 @@ from slam.checkpoint import Stand, discard_checkpoint, write_checkpoint
 from slam.errors import DivergedError, RunFolderError
 from slam.frame_digest import extend_digest
 from slam.interrupt import Interrupt
-from slam.pipeline import Slam, Step
+from slam.pipeline import Slam
 from slam.progress import RunProgress
 from slam.result import SlamResult
+from slam.step import Step
 
 LEAST_INTERVAL_S = 10.0
 """Between two checkpoints [s]."""

@@ -1,24 +1,15 @@
-"""Trajectories: poses over time, and the TUM format in which they are kept."""
+"""Trajectories: poses over time, looked up by stamp."""
 
-import math
-import os
-from collections.abc import Iterator
 from dataclasses import dataclass
-from pathlib import Path
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.ndimage import minimum_filter1d
 
-from features.errors import CwlfError
 from features.se2 import Array, wrap_angle
 
 STAMPS_ABOUT = 101
 """How many different stamps, about one of them, tell how long the clock ticks there."""
-
-
-class TrajectoryFormatError(CwlfError):
-    """A trajectory file that cannot be read; the message names the file, the line and what was expected."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -162,95 +153,3 @@ def _stamp_array(stamps: ArrayLike) -> Array:
     if array.ndim != 1 or not np.isfinite(array).all():
         raise ValueError(f"stamps of shape {array.shape}: expected finite seconds of shape (k,)")
     return array
-
-
-def write_tum(path: str | os.PathLike[str], trajectory: Trajectory) -> None:
-    """Write a trajectory as lines `stamp x y z qx qy qz qw`, stamps to 1e-6 s and the others to 1e-9.
-
-    Parameters
-    ----------
-    path : file to write; an existing one is replaced.
-    trajectory : the same one gives the same bytes.
-
-    Raises
-    ------
-    OSError
-        The file cannot be written.
-    """
-    lines = (
-        f"{stamp:.6f} {x:.9f} {y:.9f} 0 0 0 {math.sin(theta / 2.0):.9f} {math.cos(theta / 2.0):.9f}\n"
-        for stamp, (x, y, theta) in zip(trajectory.stamps.tolist(), trajectory.poses.tolist(), strict=True)
-    )
-    Path(path).write_bytes("".join(lines).encode("ascii"))
-
-
-def read_tum(path: str | os.PathLike[str]) -> Trajectory:
-    """Read a trajectory of lines `stamp x y z qx qy qz qw`; of a pose in space, x, y and the yaw are kept.
-
-    The yaw is that of roll, pitch, yaw: the direction of the rotated x axis seen from above.
-
-    Parameters
-    ----------
-    path : file to read; blank lines and those that begin with `#` are skipped.
-
-    Raises
-    ------
-    TrajectoryFormatError
-        The file cannot be read or has no pose, a line has not eight finite numbers, a quaternion is zero, or a stamp
-        is smaller than the one before.
-    """
-    stamps: list[float] = []
-    poses: list[tuple[float, float, float]] = []
-    for number, values in read_rows(path, "stamp x y z qx qy qz qw", TrajectoryFormatError):
-        stamp, x, y, _, *quaternion = values
-        if stamps and stamp < stamps[-1]:
-            raise TrajectoryFormatError(
-                f"{path}, line {number}: stamp goes back by {stamps[-1] - stamp:.6f} s: expected stamps in order"
-            )
-        if math.hypot(*quaternion) < 1e-6:
-            raise TrajectoryFormatError(f"{path}, line {number}: quaternion is zero: expected one of length 1")
-        stamps.append(stamp)
-        poses.append((x, y, _yaw(*quaternion)))
-    if not stamps:
-        raise TrajectoryFormatError(f"{path} has no pose: expected lines of `stamp x y z qx qy qz qw`")
-    return Trajectory(np.array(stamps), np.array(poses))
-
-
-def _yaw(qx: float, qy: float, qz: float, qw: float) -> float:
-    return wrap_angle(math.atan2(2.0 * (qw * qz + qx * qy), qw * qw + qx * qx - qy * qy - qz * qz))
-
-
-def read_rows(
-    path: str | os.PathLike[str], columns: str, error_type: type[CwlfError]
-) -> Iterator[tuple[int, list[float]]]:
-    """Yield line number and finite values of each line of a table of numbers in a text file.
-
-    Parameters
-    ----------
-    path : file to read; blank lines and those that begin with `#` are skipped.
-    columns : names of the columns, separated by blanks; a line must have as many values.
-    error_type : what to raise; the message names file, line, cause and the columns that were expected.
-    """
-    try:
-        lines = Path(path).read_text(encoding="utf-8").split("\n")
-    except UnicodeDecodeError:
-        raise error_type(f"{path} is not text: expected lines of `{columns}`") from None
-    except OSError as error:
-        raise error_type(f"{path} cannot be read ({error.strerror}): expected lines of `{columns}`") from error
-    for number, line in enumerate(lines, start=1):
-        fields = line.split()
-        if not fields or fields[0].startswith("#"):
-            continue
-        if len(fields) != len(columns.split()):
-            raise error_type(f"{path}, line {number}: {len(fields)} fields: expected `{columns}`")
-        for field in fields:
-            if not _is_finite_number(field):
-                raise error_type(f"{path}, line {number}: {field[:40]!r} is no finite number: expected `{columns}`")
-        yield number, list(map(float, fields))
-
-
-def _is_finite_number(field: str) -> bool:
-    try:
-        return math.isfinite(float(field)) and "_" not in field
-    except ValueError:
-        return False

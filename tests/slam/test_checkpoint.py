@@ -26,7 +26,7 @@ from slam.config_file import load_config
 from slam.errors import RunFolderError
 from slam.frame_digest import extend_digest
 from slam.pipeline import Slam
-from slam.trajectory import write_tum
+from slam.trajectory_file import write_tum
 
 DATA = Path(os.environ.get("CWLF_DATA", Path(__file__).parents[2] / ".." / "shared" / "data"))
 RECORDS = 1600

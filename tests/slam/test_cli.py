@@ -18,7 +18,7 @@ from command_line import Call
 import slam.plot
 from drivers import CarmenLog, Frame
 from sim.run import SimulatedRun, room_run
-from slam.trajectory import read_tum
+from slam.trajectory_file import read_trajectory_file
 
 SCAN = "FLASER 8 1 1.1 1.2 1.3 1.4 1.5 1.6 1.7 0 0 0 {x} 0 0 {stamp} host {stamp}"
 DATA = Path(os.environ.get("CWLF_DATA", Path(__file__).parents[2] / ".." / "shared" / "data"))
@@ -85,8 +85,8 @@ def test_run_writes_a_complete_folder_and_evaluate_reads_it(
     for stage in ("extract", "front_end", "back_end"):
         assert 0.0 < metrics["stages"][stage]["mean_ms"] <= metrics["stages"][stage]["max_ms"]
     assert "seed = 5 " in (out / "config.toml").read_text()
-    assert len(read_tum(out / "trajectory.tum")) == 1200
-    assert len(read_tum(out / "trajectory_online.tum")) == 240
+    assert len(read_trajectory_file(out / "trajectory.tum")) == 1200
+    assert len(read_trajectory_file(out / "trajectory_online.tum")) == 240
 
     truth = tmp_path / "truth.tum"
     truth.write_text(
@@ -208,7 +208,7 @@ def test_what_came_before_a_broken_line_is_kept(cwlf: Call, tmp_path: Path) -> N
     assert str(out) in outcome.err
     assert len(outcome.err.splitlines()) == 1
     assert {path.name for path in out.iterdir()} == FILES | {"checkpoint"}
-    assert len(read_tum(out / "trajectory.tum")) == 3
+    assert len(read_trajectory_file(out / "trajectory.tum")) == 3
 
 
 def test_a_truncated_last_line_costs_that_line_only(cwlf: Call, tmp_path: Path) -> None:
@@ -223,7 +223,7 @@ def test_a_truncated_last_line_costs_that_line_only(cwlf: Call, tmp_path: Path) 
     )
     assert process.returncode == 0
     assert "line 4" in process.stderr
-    assert len(read_tum(tmp_path / "run" / "trajectory.tum")) == 3
+    assert len(read_trajectory_file(tmp_path / "run" / "trajectory.tum")) == 3
 
 
 def test_a_misspelt_key_and_an_unknown_sensor_are_named(cwlf: Call, room_log: Path, tmp_path: Path) -> None:

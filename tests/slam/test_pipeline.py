@@ -29,7 +29,8 @@ from slam.metrics import ate, match_landmarks
 from slam.pipeline import Slam
 from slam.relations import Relations, read_relations, relations
 from slam.result import SlamResult
-from slam.trajectory import Trajectory, write_tum
+from slam.trajectory import Trajectory
+from slam.trajectory_file import write_tum
 
 DATA = Path(os.environ.get("CWLF_DATA", Path(__file__).parents[2] / ".." / "shared" / "data"))
 

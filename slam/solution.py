@@ -1,0 +1,42 @@
+"""The solution of the graph of a run, and what is left where it has none."""
+
+import logging
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from features.se2 import Array
+from slam.errors import DivergedError
+from slam.graph import GraphEstimate, LandmarkGraph
+from slam.landmark import LandmarkTable
+
+logger = logging.getLogger(__name__)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Solution:
+    """A graph, the landmarks in it, and where its batch solve puts all of them.
+
+    Parameters
+    ----------
+    graph, table : of the same landmarks.
+    estimate : poses and landmarks.
+    """
+
+    graph: LandmarkGraph
+    table: LandmarkTable
+    estimate: GraphEstimate
+
+    def pose_covs(self, key_frames: NDArray[np.int64]) -> Array:
+        """Marginal covariances of key frames; see :meth:`slam.graph.LandmarkGraph.pose_covs`."""
+        return self.graph.pose_covs(self.estimate, key_frames)
+
+
+def solve(graph: LandmarkGraph, table: LandmarkTable, max_iterations: int) -> Solution:
+    """Solve a graph; where it has no unique solution, what was known on the way stands, and a warning says so."""
+    try:
+        return Solution(graph, table, graph.optimize(max_iterations))
+    except DivergedError as error:
+        logger.warning("%s: the result is what was known on the way", error)
+        return Solution(graph, table, graph.unsolved())

@@ -1,0 +1,25 @@
+"""What one frame did to a run."""
+
+from dataclasses import dataclass
+
+from features.feature import Features
+from features.se2 import Pose
+from slam.association import Association
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Step:
+    """What one frame did.
+
+    Parameters
+    ----------
+    stamp : of the frame [s].
+    pose_world_robot : pose of the filter after the frame, shape (3,).
+    features : lines and corners of its scan, sensor frame; None for a frame without scan.
+    association : what became of the corners; None where the robot had not moved enough to use them.
+    """
+
+    stamp: float
+    pose_world_robot: Pose
+    features: Features | None = None
+    association: Association | None = None
