@@ -1,6 +1,7 @@
 """Compiled code is loaded, or made at the very first use on a machine, before the clock of a run starts."""
 
 import logging
+from contextlib import AbstractContextManager
 
 import numpy as np
 from numba.core.event import Event, Listener, install_listener
@@ -17,8 +18,13 @@ logger = logging.getLogger(__name__)
 
 def load_compiled(config: SlamConfig) -> None:
     """Call each kernel once; where one has to be compiled first, say so."""
-    with install_listener("numba:compile", Notice()):
+    with announced():
         _call_kernels(config)
+
+
+def announced() -> AbstractContextManager[None]:
+    """Say so where something that is called within has to be compiled first."""
+    return install_listener("numba:compile", Notice())
 
 
 class Notice(Listener):

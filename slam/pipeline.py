@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from drivers.frame import Frame
 from features.se2 import Array, Pose, compose, rotation
 from slam.association import Association, ObservationCounts
-from slam.compiled import load_compiled
+from slam.compiled import announced, load_compiled
 from slam.conclude import conclude, landmark_map
 from slam.config import SlamConfig
 from slam.drifting_pose import Anchor
@@ -286,9 +286,10 @@ class Slam:
         graph, table, back_end = self._graph, self._front.table, self.config.back_end
         if len(self._unidentified) == len(self._key_frames):
             first_pose = graph.poses_world_robot[0]
-            graph, table = reassociate(
-                first_pose, FIRST_POSE_COV, self._unidentified, back_end.cauchy_scale, back_end.max_iterations
-            )
+            with announced():
+                graph, table = reassociate(
+                    first_pose, FIRST_POSE_COV, self._unidentified, back_end.cauchy_scale, back_end.max_iterations
+                )
         return solve(graph, table, back_end.max_iterations)
 
     def _metrics(self, solution: Solution, landmarks: int, interrupted: bool) -> RunMetrics:

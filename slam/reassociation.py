@@ -1,5 +1,6 @@
 """The graph of a whole run once more, by the associations that all of it makes the most likely."""
 
+import logging
 from collections.abc import Sequence
 
 import numpy as np
@@ -12,6 +13,8 @@ from slam.graph import GraphEstimate, Observations
 from slam.graph_journal import JournaledGraph
 from slam.hypotheses import Sighting, most_likely
 from slam.landmark import LandmarkTable
+
+logger = logging.getLogger(__name__)
 
 Indices = NDArray[np.int64]
 
@@ -38,12 +41,14 @@ def reassociate(
     -------
     graph, table : of the same landmarks; where they are, only the graph knows.
     """
+    observations = sum(len(sighting.points_robot) for sighting in sightings)
+    logger.info("weighing which landmarks the %d observations are of, by all that was seen", observations)
     graph, table = JournaledGraph(cauchy_scale), LandmarkTable()
     seen = most_likely(pose_world_robot, cov, sightings)
     for sighting, landmarks in zip(sightings, seen, strict=True):
         points = sighting.points_robot
-        observations = Observations(landmarks, points.positions, points.covs)
-        graph.add_key_frame(pose_world_robot, sighting.motion, sighting.motion_cov, observations)
+        seen_here = Observations(landmarks, points.positions, points.covs)
+        graph.add_key_frame(pose_world_robot, sighting.motion, sighting.motion_cov, seen_here)
         graph.update()
         new = landmarks >= len(table)
         table.see(landmarks[~new], points, np.flatnonzero(~new), 0.0)
