@@ -54,10 +54,12 @@ def fit_rough(xs, ys, segment):
 
 
 @njit(cache=True, error_model="numpy")
-def meet_at(xs, ys, segment_a, segment_b, sigma_range, closing, rules):
-    """Move the break between two neighbours to where their walls meet; they stay joined if both reach that point.
+def meet_at(xs, ys, total, segment_a, segment_b, sigma_range, closing, rules):
+    """Move the break between two neighbours to where their walls meet.
 
-    ``closing`` says that the break is the end of a closed scan.
+    They stay joined if both reach that point and all points between them are of one or the other: what was too short
+    for a line may be noise at a corner, or a wall that stands between. ``closing`` says that the break is the end of a
+    closed scan, whose points are ``total``.
     """
     determinant = segment_a.normal_x * segment_b.normal_y - segment_a.normal_y * segment_b.normal_x
     if determinant == 0.0:
@@ -66,7 +68,10 @@ def meet_at(xs, ys, segment_a, segment_b, sigma_range, closing, rules):
     y = (segment_b.offset * segment_a.normal_x - segment_a.offset * segment_b.normal_x) / determinant
     accepted = max(rules.split_distance, rules.split_sigmas * sigma_range)
     last, first = move_break(xs, ys, x, y, segment_a, segment_b, accepted, closing)
-    segment_a.joined = walls_meet(xs, ys, last, first, x, y, rules.corner_gap)
+    segment_a.joined = walls_meet(xs, ys, last, first, x, y, rules.corner_gap) and (
+        are_near(xs, ys, last + 1, total if closing else first, segment_a, segment_b, accepted)
+        and are_near(xs, ys, 0, first if closing else 0, segment_a, segment_b, accepted)
+    )
     if segment_a.joined:
         segment_a.last = last
         segment_b.first = first
@@ -123,6 +128,15 @@ def is_before(x, y, point_x, point_y):
 def is_near(segment, x, y, accepted):
     """Whether a point is at most ``accepted`` away from the rough line of a segment [m]."""
     return abs(segment.normal_x * x + segment.normal_y * y - segment.offset) <= accepted
+
+
+@njit(cache=True, error_model="numpy")
+def are_near(xs, ys, begin, end, segment_a, segment_b, accepted):
+    """Whether each of the points begin..end-1 is at most ``accepted`` away from one of two rough lines [m]."""
+    for i in range(begin, end):
+        if not (is_near(segment_a, xs[i], ys[i], accepted) or is_near(segment_b, xs[i], ys[i], accepted)):
+            return False
+    return True
 
 
 @njit(cache=True, error_model="numpy")

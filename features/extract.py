@@ -119,7 +119,7 @@ def _extract_kernel(
     for k in range(count):
         after = k + 1 if k + 1 < count else 0
         if segments[k].joined and after != k:
-            meet_at(xs, ys, segments[k], segments[after], sigma_range, after == 0, rules)
+            meet_at(xs, ys, total, segments[k], segments[after], sigma_range, after == 0, rules)
 
     lines = np.empty(count, LINE_RECORD)
     found = 0

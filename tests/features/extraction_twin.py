@@ -229,7 +229,10 @@ def extract(ranges, angles, model, config):
         near = [np.abs(points @ normal - offset) <= accepted for normal, offset in (rough[k], rough[follower])]
         bounds = (spans[k][0], breaks[k][1], breaks[follower][0], spans[follower][1])
         last, first = _move_break(bounds, follower == 0, points, position, near)
-        joined[k] = _meet(position, points[[last - 1, last]], points[[first, first + 1]], config)
+        between = np.r_[last + 1 : len(points), 0:first] if follower == 0 else np.arange(last + 1, first)
+        joined[k] = _meet(position, points[[last - 1, last]], points[[first, first + 1]], config) and all(
+            near[0][i] or near[1][i] for i in between
+        )
         if joined[k]:
             breaks[k][1], breaks[follower][0] = last, first
             away = np.linalg.norm(points - position, axis=1) >= config.trim_sigmas * sigma_range

@@ -1,6 +1,7 @@
 """What counts as a corner, on scenes without noise whose corners are known."""
 
 import dataclasses
+import itertools
 import math
 
 import numpy as np
@@ -136,6 +137,17 @@ def test_walls_that_would_meet_behind_an_occlusion_edge_are_no_corner():
     features = extract(exact_scan(world), MODEL)
     assert len(features.lines) >= 2
     assert len(features.corners) == 0
+
+
+@pytest.mark.parametrize("end", [3.0, 4.0, 5.5])
+@pytest.mark.parametrize("offset", [0.15, 0.2, 0.25])
+def test_walls_between_which_a_short_one_stands_are_no_corner(offset, end):
+    """A corridor with a shallow niche in its end: its side and the back of the niche would meet within the gap."""
+    side, inner = 0.65, 0.65 - offset
+    path = [(0.5, side), (end, side), (end, inner), (end + offset, inner), (end + offset, -inner)]
+    world = World("niche", np.array([[*a, *b] for a, b in itertools.pairwise(path)]))
+    corners = extract(exact_scan(world), MODEL).corners
+    assert (np.linalg.norm(corners.positions - [end + offset, side], axis=1) > 0.05).all()
 
 
 def test_a_gap_where_walls_would_meet_is_no_corner():
