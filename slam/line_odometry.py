@@ -16,6 +16,7 @@ from slam.line_map import LineMap, walls_of_lines
 from slam.odometry import ConstantVelocity, WheelMotion
 from slam.registration import Registration, RegistrationRules, register
 from slam.scan_points import ScanPoints, scan_points
+from slam.visibility import beyond_walls
 from slam.wheel_calibration import Calibration
 
 RULES = RegistrationRules()
@@ -174,7 +175,9 @@ class LineOdometry:
         if fit.share < SURE_SHARE:
             self.counts.second_attempts += 1
             other, origin = self._match_anywhere(scan)
-            if other.share >= max(SURE_SHARE, fit.share + MARGIN):
+            if other.share >= max(SURE_SHARE, fit.share + MARGIN) and (
+                distance2 > PRIOR_GATE or self._contradicted(scan, fit) > self._contradicted(scan, other)
+            ):
                 self.counts.predictions_rejected += 1
                 drifting.move(between(drifting.pose, origin), UNKNOWN_MOTION)
                 fit = other
@@ -196,6 +199,14 @@ class LineOdometry:
                 self.counts.predictions_rejected += 1
         self.counts.registered += 1
         return fit
+
+    def _contradicted(self, scan: ScanPoints, fit: Registration) -> int:
+        """Count the beams that speak against a fit.
+
+        Much of a scan may lie on walls where places look alike, and little where the robot sees new ones: neither shows
+        which place it is. Walls that were gone through do.
+        """
+        return beyond_walls(scan, self._map.walls, fit.pose_map_robot)
 
     def _match_anywhere(self, scan: ScanPoints) -> tuple[Registration, Pose]:
         """Best of the fits from here and from where the last scan was, and which of the two it is."""

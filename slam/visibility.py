@@ -7,11 +7,13 @@ from numba import njit
 from numpy.typing import NDArray
 
 from features.scan import LaserScan
-from features.se2 import TWO_PI, Array
+from features.se2 import TWO_PI, Array, Pose
 from features.sensor import SensorModel
+from slam.line_map import LENGTH, NORMAL_X, NORMAL_Y, WALL_X, WALL_Y
+from slam.scan_points import ScanPoints, behind, directions_of
 
 SEEN_THROUGH = 0.3
-"""How far behind a landmark the beams have to end for it to be missed [m]."""
+"""How far behind a landmark or a wall a beam has to end to have gone through [m]."""
 
 BEAMS_BESIDE = 2
 """Beams on either side of a landmark that all have to go through its place."""
@@ -45,6 +47,49 @@ def _seen_through(ranges, angles, range_min, range_max, points):
             if not (returned and reach > distance + SEEN_THROUGH and off < SEEN_THROUGH):
                 through[k] = False
     return through
+
+
+def beyond_walls(scan: ScanPoints, walls: Array, pose_map_robot: Pose) -> int:
+    """Count the beams of a scan that, from a pose, would have gone through a wall.
+
+    A beam that ends before a wall says nothing against the pose: something new may stand there.
+
+    Parameters
+    ----------
+    scan : points, robot frame.
+    walls : that were seen before, map frame, shape (m, WALL_FIELDS).
+    pose_map_robot : shape (3,).
+    """
+    mounting = scan.sensor.mounting
+    return _beyond_walls(scan.points, mounting.x, mounting.y, walls, pose_map_robot)
+
+
+@njit(cache=True, error_model="numpy")
+def _beyond_walls(points, origin_x, origin_y, walls, pose):
+    n = len(points)
+    directions = directions_of(points, origin_x, origin_y)
+    c = math.cos(pose[2])
+    s = math.sin(pose[2])
+    sensor_x = c * origin_x - s * origin_y
+    sensor_y = s * origin_x + c * origin_y
+    on = np.zeros(n, np.bool_)
+    beyond = np.zeros(n, np.bool_)
+    for wall in walls:
+        base_x = wall[WALL_X] - pose[0]
+        base_y = wall[WALL_Y] - pose[1]
+        arm_x = base_x - sensor_x
+        arm_y = base_y - sensor_y
+        if wall[NORMAL_X] * arm_x + wall[NORMAL_Y] * arm_y >= 0.0:
+            continue
+        begin, end = behind(directions, arm_x, arm_y, wall[NORMAL_X], wall[NORMAL_Y], 0.5 * wall[LENGTH], c, s)
+        for m in range(begin, end):
+            i = m if m < n else m - n
+            x = c * points[i, 0] - s * points[i, 1] - base_x
+            y = s * points[i, 0] + c * points[i, 1] - base_y
+            before = wall[NORMAL_X] * x + wall[NORMAL_Y] * y
+            on[i] |= abs(before) < 0.5 * SEEN_THROUGH
+            beyond[i] |= before < -SEEN_THROUGH
+    return (beyond & ~on).sum()
 
 
 @njit(cache=True, error_model="numpy")

@@ -206,3 +206,38 @@ def test_a_scan_is_believed_against_the_prediction_only_where_it_fits_better(mon
     assert moved == pytest.approx({"slipped": 0.8, "near": 0.001, "failed": 0.0}[outcome], abs=0.01)
     assert odometry.counts.predictions_rejected == (outcome == "slipped")
     assert odometry.counts.failed == (outcome == "failed")
+
+
+@pytest.mark.parametrize(
+    ("through_here", "through_there", "distance", "believed"),
+    [(0, 5, 0.01, False), (3, 3, 0.01, False), (20, 5, 0.01, True), (0, 5, 0.5, True)],
+)
+def test_what_looks_more_alike_elsewhere_is_believed_where_fewer_beams_go_through_walls(
+    monkeypatch, through_here, through_there, distance, believed
+):
+    """Little of the scan lies on walls, 0.8 m further on more of it; ``distance`` is how far the fit here has moved."""
+    run = room_run(6)
+    frames = [frame for _, frame in zip(range(100), run, strict=False)]
+    _, _, odometry = follow(frames, run.poses_world_robot[:100], config_of(run))
+    scan = next(frame.scan for frame in reversed(frames) if frame.scan is not None)
+    odometry.predict(frames[-1].stamp + 0.1, compose(frames[-1].pose_odom_robot, np.array([0.2, 0.0, 0.0])))
+    predicted = odometry.pose
+    looks = iter([(distance, 0.3)])
+
+    def register(scan, walls, prior, prior_cov, start, rules):
+        step, share = next(looks, (0.8, 0.7))
+        information = 1e6 * np.eye(3)
+        pull = information @ np.array([step, 0.0, 0.0])
+        moved = np.linalg.solve(np.eye(3) + prior_cov @ information, prior_cov @ pull)
+        return Registration(prior + moved, information, pull, share)
+
+    def beyond_walls(scan, walls, pose_map_robot):
+        return through_here if math.hypot(*(pose_map_robot - predicted)[:2]) < 0.4 else through_there
+
+    monkeypatch.setattr("slam.line_odometry.register", register)
+    monkeypatch.setattr("slam.line_odometry.beyond_walls", beyond_walls)
+    sensor = config_of(run).sensor.model()
+    odometry.register(frames[-1].stamp + 0.1, scan, extract(scan, sensor, config_of(run).extraction).lines)
+    moved = float(np.hypot(*(odometry.pose - predicted)[:2]))
+    assert moved == pytest.approx(0.8 if believed else 0.01, abs=0.02)
+    assert odometry.counts.predictions_rejected == believed
