@@ -175,9 +175,8 @@ class LineOdometry:
         if fit.share < SURE_SHARE:
             self.counts.second_attempts += 1
             other, origin = self._match_anywhere(scan)
-            if other.share >= max(SURE_SHARE, fit.share + MARGIN) and (
-                distance2 > PRIOR_GATE or self._contradicted(scan, fit) > self._contradicted(scan, other)
-            ):
+            here = fit.pose_map_robot if distance2 <= PRIOR_GATE else drifting.pose
+            if other.share >= max(SURE_SHARE, fit.share + MARGIN) and self._fits_better(scan, other, here):
                 self.counts.predictions_rejected += 1
                 drifting.move(between(drifting.pose, origin), UNKNOWN_MOTION)
                 fit = other
@@ -200,13 +199,14 @@ class LineOdometry:
         self.counts.registered += 1
         return fit
 
-    def _contradicted(self, scan: ScanPoints, fit: Registration) -> int:
-        """Count the beams that speak against a fit.
+    def _fits_better(self, scan: ScanPoints, other: Registration, here: Pose) -> bool:
+        """Whether another place contradicts fewer beams of a scan.
 
         Much of a scan may lie on walls where places look alike, and little where the robot sees new ones: neither shows
-        which place it is. Walls that were gone through do.
+        which place it is. Walls that beams would have gone through do.
         """
-        return beyond_walls(scan, self._map.walls, fit.pose_map_robot)
+        walls = self._map.walls
+        return beyond_walls(scan, walls, other.pose_map_robot) < beyond_walls(scan, walls, here)
 
     def _match_anywhere(self, scan: ScanPoints) -> tuple[Registration, Pose]:
         """Best of the fits from here and from where the last scan was, and which of the two it is."""

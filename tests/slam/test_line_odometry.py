@@ -210,7 +210,7 @@ def test_a_scan_is_believed_against_the_prediction_only_where_it_fits_better(mon
 
 @pytest.mark.parametrize(
     ("through_here", "through_there", "distance", "believed"),
-    [(0, 5, 0.01, False), (3, 3, 0.01, False), (20, 5, 0.01, True), (0, 5, 0.5, True)],
+    [(0, 5, 0.01, False), (3, 3, 0.01, False), (20, 5, 0.01, True), (20, 5, 0.5, True)],
 )
 def test_what_looks_more_alike_elsewhere_is_believed_where_fewer_beams_go_through_walls(
     monkeypatch, through_here, through_there, distance, believed
