@@ -27,8 +27,8 @@ NEAR_RULES = replace(RULES, gate=RULES.final_gate)
 SURE_SHARE = 0.45
 """Share of its points that lie on known walls with which a scan is sure to fit."""
 
-MARGIN = 0.15
-"""How much larger this share must be for another pose to be preferred to that which was predicted."""
+LEAST_SHARE, MARGIN = 1.0 / 3.0, 0.15
+"""How large this share must be, and how much larger, for another pose to be preferred to that which was predicted."""
 
 PRIOR_GATE = float(chi2.ppf(0.9999, 3))
 """Squared Mahalanobis distance of the result from the prediction beyond which the scan is believed, not the latter."""
@@ -176,7 +176,7 @@ class LineOdometry:
             self.counts.second_attempts += 1
             other, origin = self._match_anywhere(scan)
             here = fit.pose_map_robot if distance2 <= PRIOR_GATE else drifting.pose
-            if other.share >= max(SURE_SHARE, fit.share + MARGIN) and self._fits_better(scan, other, here):
+            if other.share >= max(LEAST_SHARE, fit.share + MARGIN) and self._fits_better(scan, other, here):
                 self.counts.predictions_rejected += 1
                 drifting.move(between(drifting.pose, origin), UNKNOWN_MOTION)
                 fit = other
