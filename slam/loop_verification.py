@@ -12,7 +12,7 @@ from slam.line_map import NORMAL_X, NORMAL_Y, WALL_X, WALL_Y
 from slam.registration import Registration
 from slam.scan_points import ScanPoints
 
-SYSTEMATIC = np.diag([0.02, 0.02, math.radians(0.5)]) ** 2
+SYSTEMATIC = np.diag([0.005, 0.005, math.radians(0.125)]) ** 2
 """Covariance that two registrations of the same place share: walls that are not straight, things that were moved."""
 
 
