@@ -12,6 +12,7 @@ from features.se2 import pose
 from slam.config import SlamConfig
 from slam.front_end import FrontEnd
 from slam.parts import gates, line_odometry
+from slam.visibility import beyond_walls
 
 logger = logging.getLogger(__name__)
 
@@ -54,7 +55,8 @@ def _call_kernels(config: SlamConfig) -> None:
     since = odometry.anchor()
     for step in range(2):
         odometry.predict(float(step), pose(0.2 * step))
-        odometry.register(float(step), scan, features.lines)
+        points = odometry.register(float(step), scan, features.lines)
+        beyond_walls(points, points.walls_robot, pose())
         odometry.add_key_frame()
         front_end.move(since.motion, since.motion_cov)
         _, landmarks = front_end.observe(features.corners.to_robot(sensor.mounting))
