@@ -58,10 +58,10 @@ def evaluate_truth(path: Path, trajectory: Trajectory, landmarks: Array, identit
     report, alignment = _trajectory_report(true, trajectory)
     if recording is not None and len(recording.walls):
         corners = World(recording.name, recording.walls).corners
-        rmse, mapped = _landmark_errors(corners, transform(alignment, landmarks))
-        report["landmarks"] = {"corners": len(corners), "corners_mapped": mapped}
-        if rmse is not None:
-            report["landmarks"]["rmse_m"] = rmse
+        errors = _landmark_errors(corners, transform(alignment, landmarks))
+        report["landmarks"] = {"corners": len(corners), "corners_mapped": len(errors), "mapped": len(landmarks)}
+        if len(errors):
+            report["landmarks"] |= {"rmse_m": _root_mean_square(errors), "median_m": float(np.median(errors))}
     return report
 
 
@@ -94,7 +94,7 @@ def _survey_report(
     report: dict[str, float] = {"surveyed": len(surveyed), "surveyed_mapped": len(pairs), "mapped": len(landmarks)}
     if len(pairs):
         errors = transform(alignment, landmarks[pairs[:, 1]]) - truth[pairs[:, 0]]
-        report["rmse_m"] = float(np.sqrt(np.mean(np.sum(errors**2, axis=1))))
+        report["rmse_m"] = _root_mean_square(np.linalg.norm(errors, axis=1))
     return report
 
 
@@ -130,21 +130,24 @@ def evaluate_simulated(source: "SimulatedRun", result: SlamResult) -> Simulation
     truth = Trajectory(source.stamps, source.poses_world_robot)
     absolute = ate(truth, result.trajectory)
     corners = source.world.corners
-    rmse, mapped = _landmark_errors(corners, transform(absolute.pose_truth_estimate, result.landmarks.positions))
+    errors = _landmark_errors(corners, transform(absolute.pose_truth_estimate, result.landmarks.positions))
     return SimulationReport(
         ate_rmse_m=absolute.rmse_m,
         wheels_ate_rmse_m=ate(truth, result.wheel_odometry).rmse_m,
-        landmark_rmse_m=rmse,
+        landmark_rmse_m=_root_mean_square(errors) if len(errors) else None,
         corners=len(corners),
-        corners_mapped=mapped,
+        corners_mapped=len(errors),
     )
 
 
-def _landmark_errors(corners: Array, landmarks: Array) -> tuple[float | None, int]:
-    """RMS distance [m] of the landmarks that are corners from these, and their number; shapes (k, 2) and (n, 2) [m]."""
+def _landmark_errors(corners: Array, landmarks: Array) -> Array:
+    """Distances [m] of the landmarks that are corners from these, shape (m,); shapes (k, 2) and (n, 2) [m]."""
     pairs = match_landmarks(corners, landmarks, CORNER_DISTANCE)
-    errors = np.linalg.norm(corners[pairs[:, 0]] - landmarks[pairs[:, 1]], axis=1)
-    return (float(np.sqrt(np.mean(errors**2))) if len(errors) else None), len(pairs)
+    return np.linalg.norm(corners[pairs[:, 0]] - landmarks[pairs[:, 1]], axis=1)
+
+
+def _root_mean_square(errors: Array) -> float:
+    return float(np.sqrt(np.mean(errors**2)))
 
 
 def _figures(error: object) -> dict[str, float]:

@@ -77,7 +77,8 @@ def test_a_recording_runs_like_a_log_and_holds_its_truth(cwlf: Call, tmp_path: P
     assert report["ate"]["rmse_m"] < 0.05
     assert report["ate"]["count"] == len(list(Recording(recording)))
     assert report["landmarks"]["corners"] == 20
-    assert report["landmarks"]["corners_mapped"] > 10
+    assert report["landmarks"]["mapped"] >= report["landmarks"]["corners_mapped"] > 10
+    assert 0.0 < report["landmarks"]["median_m"] < 0.01
     assert report["landmarks"]["rmse_m"] < 0.05
 
     again, other = tmp_path / "again.gz", tmp_path / "other.gz"
