@@ -27,7 +27,7 @@ NEAR_RULES = replace(RULES, gate=RULES.final_gate)
 SURE_SHARE = 0.45
 """Share of its points that lie on known walls with which a scan is sure to fit."""
 
-LEAST_SHARE, MARGIN = 1.0 / 3.0, 0.15
+LEAST_SHARE, MARGIN = 0.3, 0.15
 """How large this share must be, and how much larger, for another pose to be preferred to that which was predicted."""
 
 PRIOR_GATE = float(chi2.ppf(0.9999, 3))
@@ -171,25 +171,23 @@ class LineOdometry:
         """Register a scan; where it does not fit what is predicted, as if nothing were known of the motion."""
         drifting = self._drifting
         fit = register(scan, self._map.walls, drifting.pose, drifting.cov, drifting.pose, RULES)
-        distance2 = _distance2(fit, drifting.pose)
+        beside = self._beside(scan, fit)
         if fit.share < SURE_SHARE:
             self.counts.second_attempts += 1
             other, origin = self._match_anywhere(scan)
-            here = fit.pose_map_robot if distance2 <= PRIOR_GATE else drifting.pose
-            if other.share >= max(LEAST_SHARE, fit.share + MARGIN) and self._fits_better(scan, other, here):
+            if self._fits_better(scan, other, beside):
                 self.counts.predictions_rejected += 1
                 drifting.move(between(drifting.pose, origin), UNKNOWN_MOTION)
                 fit = other
-            elif distance2 > PRIOR_GATE:
+            elif fit is not beside:
                 self.counts.failed += 1
                 return None
-        elif distance2 > PRIOR_GATE:
-            near = register(scan, self._map.walls, drifting.pose, drifting.cov, drifting.pose, NEAR_RULES)
+        elif fit is not beside:
             slip = _change(fit, drifting.pose)
             slipped = drifting.cov + np.outer(slip, slip)
             fit = register(scan, self._map.walls, drifting.pose, slipped, fit.pose_map_robot, RULES)
-            if near.share >= max(SURE_SHARE, fit.share) and _distance2(near, drifting.pose) <= PRIOR_GATE:
-                fit = near
+            if beside is not None and beside.share >= max(SURE_SHARE, fit.share):
+                fit = beside
             else:
                 drifting.doubt(slip)
                 if fit.share < SURE_SHARE:
@@ -199,12 +197,23 @@ class LineOdometry:
         self.counts.registered += 1
         return fit
 
-    def _fits_better(self, scan: ScanPoints, other: Registration, here: Pose) -> bool:
-        """Whether another place contradicts fewer beams of a scan.
+    def _beside(self, scan: ScanPoints, fit: Registration) -> Registration | None:
+        """Fit that the prediction allows for: the one there is, or one to the walls next to it; None for neither."""
+        drifting = self._drifting
+        if _distance2(fit, drifting.pose) <= PRIOR_GATE:
+            return fit
+        near = register(scan, self._map.walls, drifting.pose, drifting.cov, drifting.pose, NEAR_RULES)
+        return near if _distance2(near, drifting.pose) <= PRIOR_GATE else None
 
-        Much of a scan may lie on walls where places look alike, and little where the robot sees new ones: neither shows
-        which place it is. Walls that beams would have gone through do.
+    def _fits_better(self, scan: ScanPoints, other: Registration, beside: Registration | None) -> bool:
+        """Whether a scan shows that the robot is elsewhere than predicted.
+
+        Much of it may lie on walls where places look alike, and little where the robot sees new ones. Walls that beams
+        would have gone through tell the two apart.
         """
+        share, here = (0.0, self._drifting.pose) if beside is None else (beside.share, beside.pose_map_robot)
+        if other.share < max(LEAST_SHARE, share + MARGIN):
+            return False
         walls = self._map.walls
         return beyond_walls(scan, walls, other.pose_map_robot) < beyond_walls(scan, walls, here)
 
