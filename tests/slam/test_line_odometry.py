@@ -1,11 +1,15 @@
 """Line-aided odometry of simulated robots: consistent increments, with and without wheels, and what is not believed."""
 
 import math
+import os
+from dataclasses import astuple
+from pathlib import Path
 
 import numpy as np
 import pytest
 from scipy.stats import chi2
 
+from drivers.carmen import CarmenLog
 from drivers.frame import Frame
 from features.extract import extract
 from features.scan import LaserScan
@@ -16,8 +20,12 @@ from slam.errors import DivergedError
 from slam.line_odometry import LineOdometry
 from slam.parts import line_odometry
 from slam.registration import Registration
+from slam.relations import Relations, read_relations, relations
+from slam.trajectory import Trajectory
 
 from .registration_scenes import corridor_run
+
+DATA = Path(os.environ.get("CWLF_DATA", Path(__file__).parents[2] / ".." / "shared" / "data"))
 
 
 def config_of(run, **odometry):
@@ -241,3 +249,40 @@ def test_what_looks_more_alike_elsewhere_is_believed_where_fewer_beams_go_throug
     moved = float(np.hypot(*(odometry.pose - predicted)[:2]))
     assert moved == pytest.approx(0.8 if believed else 0.01, abs=0.02)
     assert odometry.counts.predictions_rejected == believed
+
+
+def test_a_real_log_backwards_in_time_shows_no_jump():
+    """The robot backs out of passages: most of what it sees there is new, and looks like what it saw before."""
+    path = DATA / "intel-lab.clf.gz"
+    if not path.is_file():
+        pytest.skip(f"{path} is absent: set CWLF_DATA to the folder of the real logs")
+    log = CarmenLog(path)
+    config = SlamConfig.of_preset(log.sensor)
+    sensor = config.sensor.model()
+    frames = list(log)
+    end = frames[-1].stamp
+    odometry = line_odometry(config, frames[-1].pose_odom_robot)
+    since = odometry.anchor()
+    stamps, poses = [], []
+    for frame in reversed(frames):
+        if end - frame.stamp > 200.0:
+            break
+        odometry.predict(end - frame.stamp, frame.pose_odom_robot)
+        if frame.scan is not None:
+            odometry.register(end - frame.stamp, frame.scan, extract(frame.scan, sensor, config.extraction).lines)
+            if since.beyond(config.back_end.key_frame_distance_m, math.radians(config.back_end.key_frame_angle_deg)):
+                odometry.add_key_frame()
+                since.reset()
+        stamps.append(end - frame.stamp)
+        poses.append(odometry.pose)
+    truth = read_relations(DATA / "intel-lab.relations")
+    ends = end - np.stack([truth.stamps_from, truth.stamps_to])
+    near = (ends <= stamps[-1]).all(axis=0) & (np.abs(ends[1] - ends[0]) < 20.0)
+    there = Relations(*ends[:, near], truth.poses_from_to[near])
+    trajectory = Trajectory(np.array(stamps), np.array(poses))
+    errors = [
+        relations(Relations(*(part[k : k + 1] for part in astuple(there))), trajectory).translation_mean_m
+        for k in range(near.sum())
+    ]
+    assert len(errors) > 30
+    assert max(errors) < 0.3
