@@ -8,11 +8,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from drivers.frame import Frame
-from features.se2 import Array, Pose, compose, rotation
+from features.se2 import Array, Pose, compose
 from slam.association import Association, ObservationCounts
 from slam.compiled import announced, load_compiled
 from slam.conclude import conclude, landmark_map
 from slam.config import SlamConfig
+from slam.coupling import close_loop, merge, rebase
 from slam.drifting_pose import Anchor
 from slam.ekf import LandmarkEkf
 from slam.front_end import FrontEnd
@@ -135,10 +136,7 @@ class Slam:
             association, landmarks = self._update(view)
             if key_frame_due:
                 self._add_key_frame(view, landmarks)
-                if view.scan is not None:
-                    self._close_loop()
-                elif self._front.returned:
-                    self._rebase()
+                self._revisit(view)
         pose = self.pose
         self._records.add_scan(pose)
         return Step(frame.stamp, pose, view.features, association)
@@ -217,7 +215,7 @@ class Slam:
             self._graph.add_key_frame(self._front.ekf.pose, motion, motion_cov, observations)
             if view.scan is None and view.identities is None:
                 self._unidentified.append(Sighting(motion, motion_cov, view.corners_robot))
-            self._merge()
+            merge(self._front, self._graph)
             self._graph.update()
             self._front.rest(len(self._key_frames), landmarks)
             if self._odometry.scan is not None:
@@ -226,39 +224,14 @@ class Slam:
             self._odometry.add_key_frame()
             self._key_frames.append(KeyFrame.of(len(self._records) - 1, view, self._sensor))
 
-    def _merge(self) -> None:
-        for kept, other in self._front.merge():
-            self._graph.merge(kept, other)
-
-    def _close_loop(self) -> None:
-        """Look for a place seen before; where it is found the graph moves, and the filter with it."""
-        if not self.config.loop.enabled:
-            return
-        with self._clock.timed("loop"):
-            closures = self._closer.find(self._graph.poses_world_robot)
-            if not closures:
-                return
-            for closure in closures:
-                self._graph.add_closure(closure)
-            self._graph.update()
-            if not self._rebase():
-                return
-            poses = self._graph.poses_world_robot
-            for closure in closures:
-                # Where an earlier key frame closes the loop, the next look that finds the place near by does the rest.
-                if closure.newer == len(self._key_frames) - 1:
-                    turn = np.eye(3)
-                    turn[:2, :2] = rotation(poses[closure.older, 2])
-                    self._front.wake(poses, self._closer.passage(closure.older), turn @ closure.cov @ turn.T)
-            self._merge()
-
-    def _rebase(self) -> bool:
-        """Put the filter where the graph has the newest key frame, if it tells how certainly."""
-        cov = self._graph.newest_cov()
-        if cov is None:
-            return False
-        self._front.rebase(self._graph.poses_world_robot[-1], cov)
-        return True
+    def _revisit(self, view: View) -> None:
+        """Where the newest key frame shows what was seen long ago, take the filter to where the graph has it."""
+        if view.scan is None:
+            if self._front.returned:
+                rebase(self._front, self._graph)
+        elif self.config.loop.enabled:
+            with self._clock.timed("loop"):
+                close_loop(self._closer, self._front, self._graph)
 
     def finish(self, *, interrupted: bool = False) -> SlamResult:
         """Solve the graph and put the result together; ``interrupted`` is noted in the metrics.

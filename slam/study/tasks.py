@@ -134,7 +134,7 @@ def run_tasks(client: Client, folder: Path, study: str, settings: BaseModel, wor
     StudyError
         The scheduler is lost.
     """
-    seeds = [task_seed(settings.seed, task) for task in range(count)]  # type: ignore[attr-defined]
+    seeds = [task_seed(settings.seed, task) for task in range(count)]  # type: ignore[attr-defined]  # see settings
     with Journal(folder, identity(study, settings)) as journal:
         left = [task for task in range(count) if task not in journal.results]
         failures: list[Failure] = []

@@ -1,0 +1,43 @@
+"""What filter and graph tell each other: landmarks that are one, places seen again, where the robot is."""
+
+import numpy as np
+
+from features.se2 import rotation
+from slam.front_end import FrontEnd
+from slam.graph import LandmarkGraph
+from slam.loop_closing import LoopCloser
+
+
+def merge(front: FrontEnd, graph: LandmarkGraph) -> None:
+    """Merge landmarks that the filter takes for one in both."""
+    for kept, other in front.merge():
+        graph.merge(kept, other)
+
+
+def rebase(front: FrontEnd, graph: LandmarkGraph) -> bool:
+    """Put the filter where the graph has the newest key frame; False where it cannot tell how certainly."""
+    cov = graph.newest_cov()
+    if cov is None:
+        return False
+    front.rebase(graph.poses_world_robot[-1], cov)
+    return True
+
+
+def close_loop(closer: LoopCloser, front: FrontEnd, graph: LandmarkGraph) -> None:
+    """Look for a place seen before; where it is found the graph moves, and the filter with it."""
+    closures = closer.find(graph.poses_world_robot)
+    if not closures:
+        return
+    for closure in closures:
+        graph.add_closure(closure)
+    graph.update()
+    if not rebase(front, graph):
+        return
+    poses = graph.poses_world_robot
+    for closure in closures:
+        # Where an earlier key frame closes the loop, the next look that finds the place near by does the rest.
+        if closure.newer == len(graph) - 1:
+            turn = np.eye(3)
+            turn[:2, :2] = rotation(poses[closure.older, 2])
+            front.wake(poses, closer.passage(closure.older), turn @ closure.cov @ turn.T)
+    merge(front, graph)
