@@ -5,7 +5,7 @@ from types import ModuleType
 import numpy as np
 import pytest
 
-TWIN = Path(__file__).parents[1] / "tests" / "features" / "extraction_twin.py"
+TWIN = Path(__file__).parents[1] / "tests" / "extraction_twin.py"
 
 
 @pytest.fixture

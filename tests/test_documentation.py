@@ -7,11 +7,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from places import ROOT
 
 from features.se2 import pose
 from sim import Lidar, room
 
-ROOT = Path(__file__).parent.parent
 SNIPPETS = re.findall(r"```python\n(.*?)```", (ROOT / "README.md").read_text(encoding="utf-8"), flags=re.DOTALL)
 
 

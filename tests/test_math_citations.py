@@ -1,11 +1,10 @@
 """Every equation that the code cites exists: ours in docs/math.md, the paper's among its 48."""
 
 import re
-from pathlib import Path
 
 import pytest
+from places import ROOT
 
-ROOT = Path(__file__).parents[1]
 MODULES = sorted(path for folder in ("features", "drivers", "sim", "slam") for path in (ROOT / folder).rglob("*.py"))
 CITATION = re.compile(r"\beqs?\.\s+((?:M?\d+[a-c]?(?:\s*(?:-|,|and|or|to)\s*)?)+)", re.IGNORECASE)
 NUMBER = re.compile(r"(M?)(\d+)[a-c]?(?:\s*(?:-|to)\s*M?(\d+))?")

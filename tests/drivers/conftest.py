@@ -1,11 +1,9 @@
 import gzip
-import os
 from collections.abc import Callable
 from pathlib import Path
 
 import pytest
-
-DATA = Path(os.environ.get("CWLF_DATA", Path(__file__).parents[2] / ".." / "shared" / "data"))
+from places import DATA
 
 
 @pytest.fixture

@@ -1,8 +1,6 @@
 """MRCLAM data sets: integration of velocities, identities, and what is wrong with a folder."""
 
 import logging
-import os
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -10,8 +8,6 @@ import pytest
 from drivers import LogFormatError, open_log
 from drivers.mrclam import MrclamLog, integrate
 from features.se2 import compose, pose
-
-DATA = Path(os.environ.get("CWLF_DATA", Path(__file__).parents[2] / ".." / "shared" / "data"))
 
 FILES = {
     "Barcodes.dat": "# Subject # Barcode #\n 1 5\n 3 41\n 6 63\n 7 81\n",

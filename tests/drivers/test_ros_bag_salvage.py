@@ -5,12 +5,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from bags import KINDS, START, Messages
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from drivers import Frame, LogFormatError, open_log
-
-from .bags import KINDS, START, Messages
 
 COUNT = 60
 RANGES = np.linspace(1.0, 4.0, 300)

@@ -8,6 +8,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
+from laws import law
+from scenes import FULL_TURN
 
 from features import (
     CwlfError,
@@ -19,9 +21,6 @@ from features import (
     fit_line,
     sensor_preset,
 )
-
-from .laws import law
-from .scenes import FULL_TURN
 
 MODEL = sensor_preset("rplidar-s1")
 FITS = ["effective-variance", "cwlf", "arras-siegwart", "total-least-squares"]

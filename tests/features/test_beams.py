@@ -6,13 +6,12 @@ from concurrent.futures import ThreadPoolExecutor
 import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
+from laws import law
+from scenes import FULL_TURN, free_pose, noisy_scan
 
 from features import LaserScan, extract, sensor_preset
 from features.beams import gather_returns, to_cartesian, turn_of
 from sim import room
-
-from .laws import law
-from .scenes import FULL_TURN, free_pose, noisy_scan
 
 MODEL = sensor_preset("rplidar-s1")
 

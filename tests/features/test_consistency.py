@@ -7,12 +7,11 @@ from typing import NamedTuple
 
 import numpy as np
 import pytest
+from scenes import noisy_scan
 
 from features import ExtractionConfig, extract, sensor_preset
 from features.se2 import inverse, transform
 from sim import environment_a, environment_b, random_pose, random_room, room, visible_corners
-
-from .scenes import noisy_scan
 
 SCANS = 150
 GATE_99 = 9.2103

@@ -2,17 +2,16 @@
 
 import math
 
+import extraction_twin
 import numpy as np
 import pytest
 from finite_difference import finite_difference
 from hypothesis import assume, given
 from hypothesis import strategies as st
+from laws import law
 
 from features import Line, LineForm, intersect
 from features.se2 import rotation
-
-from . import extraction_twin
-from .laws import law
 
 Y_ON_X, X_ON_Y, POLAR = LineForm
 CASES = {

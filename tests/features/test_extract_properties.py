@@ -8,13 +8,12 @@ import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
+from laws import law
+from scenes import FULL_TURN, HALF_TURN, free_pose, noisy_scan, sorted_corners
 
 from features import Corners, ExtractionConfig, Features, LaserScan, extract, sensor_preset
 from features.se2 import rotation
 from sim import room
-
-from .laws import law
-from .scenes import FULL_TURN, HALF_TURN, free_pose, noisy_scan, sorted_corners
 
 MODEL = sensor_preset("rplidar-s1")
 SEEDS = st.integers(0, 2**32 - 1)

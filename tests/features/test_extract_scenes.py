@@ -8,12 +8,11 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from laws import law
+from scenes import FULL_TURN, HALF_TURN, corners_in_sensor_frame, exact_scan, polygon, square
 
 from features import LaserScan, extract, sensor_preset
 from sim import World, room
-
-from .laws import law
-from .scenes import FULL_TURN, HALF_TURN, corners_in_sensor_frame, exact_scan, polygon, square
 
 MODEL = sensor_preset("rplidar-s1")
 EXACT = 1e-9

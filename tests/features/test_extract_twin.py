@@ -2,15 +2,14 @@
 
 import dataclasses
 
+import extraction_twin
 import numpy as np
 import pytest
+from scenes import FULL_TURN, HALF_TURN, exact_scan, free_pose, noisy_scan, square
 
 from features import ExtractionConfig, LaserScan, SensorModel, extract, sensor_preset
 from features.se2 import wrap_angle
 from sim import environment_a, environment_b, random_pose, random_room, room
-
-from . import extraction_twin
-from .scenes import FULL_TURN, HALF_TURN, exact_scan, free_pose, noisy_scan, square
 
 MODEL = sensor_preset("rplidar-s1")
 ROUGH = dataclasses.replace(MODEL, sigma_range=0.04)

@@ -5,10 +5,9 @@ import math
 import numpy as np
 import pytest
 from finite_difference import finite_difference
+from scenes import exact_scan, square
 
 from features import Corners, LineForm, Mounting, extract, sensor_preset
-
-from .scenes import exact_scan, square
 
 MOUNTINGS = [
     Mounting(),

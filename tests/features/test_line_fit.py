@@ -2,20 +2,19 @@
 
 import math
 
+import extraction_twin
 import numpy as np
 import pytest
+from extraction_twin import cartesian_cov, likelihood_residuals
 from finite_difference import finite_difference
 from hypothesis import assume, given
 from hypothesis import strategies as st
+from laws import law
 from scipy.optimize import least_squares, minimize
 
 from features import DegenerateSegmentError, LineForm, SensorModel, fit_cwlf, fit_line, intersect, sensor_preset
 from features.fit_kernels import misfit_scale
 from features.se2 import rotation, wrap_angle
-
-from . import extraction_twin
-from .extraction_twin import cartesian_cov, likelihood_residuals
-from .laws import law
 
 MODEL = sensor_preset("rplidar-s1")
 POLAR_FITS = ["arras-siegwart", "total-least-squares"]

@@ -6,10 +6,9 @@ import numpy as np
 from finite_difference import assert_jacobian
 from hypothesis import example, given
 from hypothesis import strategies as st
+from laws import law
 
 from features.se2 import between, compose, compose_jacobians, inverse, pose, rotation, transform, wrap_angle
-
-from .laws import law
 
 COORDINATES = st.floats(-100.0, 100.0)
 HEADINGS = st.one_of(

@@ -6,11 +6,10 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from laws import law
 
 from features import SENSOR_PRESETS, Mounting, SensorModel, sensor_preset
 from features.se2 import transform, wrap_angle
-
-from .laws import law
 
 GOOD = {"sigma_range": 0.02, "sigma_bearing": 0.002, "range_min": 0.1, "range_max": 40.0}
 MOUNTINGS = st.builds(

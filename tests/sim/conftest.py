@@ -1,12 +1,9 @@
-import os
 import runpy
 import sys
 from pathlib import Path
 
 import pytest
-
-ROOT = Path(__file__).parents[2]
-DATA = Path(os.environ.get("CWLF_DATA", ROOT / ".." / "shared" / "data"))
+from places import DATA, ROOT
 
 
 @pytest.fixture(scope="session")

@@ -4,12 +4,11 @@ import math
 import struct
 
 import pytest
+from emulator_line import QUIET, make
 
 from drivers.rplidar import FORMATS, Answer, Command, Conf, DeviceInfo, Health, Request, unpack_name, unpack_number
 from drivers.rplidar.requests import express_scan, lidar_conf, motor_pwm, motor_speed, request
 from sim.emulator import FAULTS, MODELS, Device
-
-from .emulated import QUIET, make
 
 
 def ask(device: Device, data: bytes, time: float = 0.0) -> bytes:

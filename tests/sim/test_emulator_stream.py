@@ -4,13 +4,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from emulator_line import BARE_ROOM, HEALED, NOISY, QUIET, TRAJECTORY, angles_of, listen, make, ranges_of
 
 from drivers.rplidar import FORMATS, Answer, Command
 from drivers.rplidar.requests import express_scan, motor_speed, request
 from features.se2 import TWO_PI
 from sim.emulator import MODELS, Device, Mode, Model
-
-from .emulated import BARE_ROOM, HEALED, NOISY, QUIET, TRAJECTORY, angles_of, listen, make, ranges_of
 
 HQ = replace(MODELS["S2"], name="HQ", modes=(Mode("HQ", Answer.HQ, 62.5, 30.0),), typical=0)
 MODES = [(model, mode) for model in (*MODELS.values(), HQ) for mode in range(len(model.modes))]

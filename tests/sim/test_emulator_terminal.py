@@ -8,13 +8,12 @@ from pathlib import Path
 
 import pytest
 import serial
+from emulator_line import make
 
 from drivers.rplidar import Answer, Command, SampleDecoder
 from drivers.rplidar.requests import express_scan, request
 from sim.emulator import Device
 from sim.emulator.terminal import EmulatorError, Terminal
-
-from .emulated import make
 
 HEALTH = bytes.fromhex("a55a0300000006000000")
 

@@ -2,15 +2,15 @@
 
 import json
 import re
-from pathlib import Path
 
 import numpy as np
 import pytest
+from places import ROOT
 
 from sim import WorldError, findings, read_site
 from sim.json_world import WorldFile
 
-DOCS = Path(__file__).parents[2] / "docs"
+DOCS = ROOT / "docs"
 
 
 def written(folder, **keys):

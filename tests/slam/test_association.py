@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from observed_corners import SIGMA, corners
 from scipy.stats import chi2
 
 from features.feature import Corners
@@ -13,8 +14,6 @@ from features.se2 import compose, pose, rotation, transform, wrap_angle
 from slam.association import Gates, Signatures, associate
 from slam.association import _innovations as innovations  # the covariances that the gate works with
 from slam.ekf import LandmarkEkf, predict_corners
-
-from .observed_corners import SIGMA, corners
 
 MATCH, BIRTH = float(chi2.ppf(0.99, 2)), float(chi2.ppf(0.9999, 2))
 

@@ -15,6 +15,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from command_line import Call
+from places import DATA
 
 import slam.checkpoint
 from drivers import CarmenLog, Frame
@@ -28,7 +29,6 @@ from slam.frame_digest import extend_digest
 from slam.pipeline import Slam
 from slam.trajectory_file import write_tum
 
-DATA = Path(os.environ.get("CWLF_DATA", Path(__file__).parents[2] / ".." / "shared" / "data"))
 RECORDS = 1600
 
 

@@ -2,7 +2,6 @@
 
 import gzip
 import json
-import os
 import signal
 import subprocess
 import sys
@@ -14,6 +13,7 @@ from typing import Any
 import numpy as np
 import pytest
 from command_line import Call
+from places import DATA
 
 import slam.plot
 from drivers import CarmenLog, Frame
@@ -21,7 +21,6 @@ from sim.run import SimulatedRun, room_run
 from slam.trajectory_file import read_trajectory_file
 
 SCAN = "FLASER 8 1 1.1 1.2 1.3 1.4 1.5 1.6 1.7 0 0 0 {x} 0 0 {stamp} host {stamp}"
-DATA = Path(os.environ.get("CWLF_DATA", Path(__file__).parents[2] / ".." / "shared" / "data"))
 FILES = {
     "trajectory.tum",
     "trajectory_online.tum",

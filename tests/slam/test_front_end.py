@@ -7,6 +7,7 @@ import pytest
 from finite_difference import finite_difference
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
+from observed_corners import corners
 from scipy.linalg import block_diag
 
 from features.scan import LaserScan
@@ -17,8 +18,6 @@ from slam.ekf import predict_corners
 from slam.front_end import MERGE_SIGMA, FrontEnd
 from slam.landmark import GONE, LOCAL, MERGED
 from slam.visibility import SEEN_THROUGH, seen_through
-
-from .observed_corners import corners
 
 KEEP = 5.0
 seeds = st.integers(0, 10_000)

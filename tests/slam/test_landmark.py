@@ -6,11 +6,10 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from observed_corners import corners
 
 from features.se2 import wrap_angle
 from slam.landmark import LOCAL, MERGED, LandmarkTable
-
-from .observed_corners import corners
 
 angles = st.floats(-math.pi, math.pi)
 

@@ -1,12 +1,12 @@
 """Line-aided odometry of simulated robots: consistent increments, with and without wheels, and what is not believed."""
 
 import math
-import os
 from dataclasses import astuple
-from pathlib import Path
 
 import numpy as np
 import pytest
+from places import DATA
+from registration_scenes import corridor_run
 from scipy.stats import chi2
 
 from drivers.carmen import CarmenLog
@@ -22,10 +22,6 @@ from slam.parts import line_odometry
 from slam.registration import Registration
 from slam.relations import Relations, read_relations, relations
 from slam.trajectory import Trajectory
-
-from .registration_scenes import corridor_run
-
-DATA = Path(os.environ.get("CWLF_DATA", Path(__file__).parents[2] / ".." / "shared" / "data"))
 
 
 def config_of(run, **odometry):

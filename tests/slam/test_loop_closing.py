@@ -5,6 +5,7 @@ from functools import cache
 
 import numpy as np
 import pytest
+from registration_scenes import CORRIDOR, seen
 from scipy.stats import chi2
 
 from features.feature import Corners
@@ -13,8 +14,6 @@ from sim.world import World
 from slam.loop_closing import LoopCloser
 from slam.loop_rules import LoopRules
 from slam.loop_verification import SYSTEMATIC
-
-from .registration_scenes import CORRIDOR, seen
 
 RULES = LoopRules()
 NO_CORNERS = Corners.of(np.empty((0, 2)), np.empty((0, 2, 2)), np.empty(0), np.empty(0), np.empty(0, np.bool_))

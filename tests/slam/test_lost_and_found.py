@@ -4,6 +4,7 @@ import math
 
 import numpy as np
 import pytest
+from registration_scenes import CONFIG, LIDAR, SENSOR, points_of
 
 from features.extract import extract
 from features.se2 import between, compose, pose
@@ -13,7 +14,6 @@ from slam.graph_factors import Observations
 from slam.loop_closing import LoopCloser
 from slam.loop_rules import LoopRules
 
-from .registration_scenes import CONFIG, LIDAR, SENSOR, points_of
 from .test_loop_closing import LAP, PILLARS, RING, ROUND, along, box
 
 RULES = LoopRules()

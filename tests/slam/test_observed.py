@@ -2,13 +2,12 @@
 
 import itertools
 import math
-import os
-from pathlib import Path
 
 import gtsam
 import numpy as np
 import pytest
 from gtsam.symbol_shorthand import L, X
+from places import DATA
 
 from drivers.frame import Frame, LandmarkObservations
 from drivers.mrclam import MrclamLog
@@ -23,7 +22,7 @@ from slam.observed import observed_points
 from slam.odometry import OdometryModel
 from slam.pipeline import Slam
 
-DATA = Path(os.environ.get("CWLF_DATA", Path(__file__).parents[2] / ".." / "shared" / "data")) / "mrclam6"
+MRCLAM = DATA / "mrclam6"
 SIGMA_RANGE, SIGMA_BEARING = 0.05, 0.01
 LANDMARKS = np.array([[4.0, 1.0], [1.0, 6.0], [-5.0, 2.0], [-1.0, -5.0], [6.0, -4.0], [7.0, 7.0]])
 IDENTITIES = np.array([11, 3, 5, 42, 8, 0])
@@ -187,15 +186,15 @@ def test_observations_are_checked():
         LandmarkObservations(np.ones(1), np.zeros(1), identities=np.array([-1]))
 
 
-@pytest.mark.skipif(not DATA.is_dir(), reason=f"{DATA} is absent: set CWLF_DATA to the folder of the real logs")
+@pytest.mark.skipif(not MRCLAM.is_dir(), reason=f"{MRCLAM} is absent: set CWLF_DATA to the folder of the real logs")
 def test_a_piece_of_mrclam_is_mapped_to_the_survey():
     """The first 160 s see all 15 landmarks."""
-    log = MrclamLog(DATA)
+    log = MrclamLog(MRCLAM)
     start = next(iter(log)).stamp
     result, _ = mapped(
         itertools.takewhile(lambda frame: frame.stamp < start + 160.0, log), SlamConfig.of_preset(log.sensor)
     )
-    report = evaluate_truth(DATA, result.trajectory, result.landmarks.positions, result.landmarks.identities)
+    report = evaluate_truth(MRCLAM, result.trajectory, result.landmarks.positions, result.landmarks.identities)
     assert report["landmarks"]["surveyed_mapped"] >= 10
     assert report["landmarks"]["rmse_m"] < 0.18
     assert report["ate"]["rmse_m"] < 0.25

@@ -2,12 +2,11 @@
 
 import itertools
 import math
-import os
 from functools import cache
-from pathlib import Path
 
 import numpy as np
 import pytest
+from places import DATA
 
 from drivers.carmen import CarmenLog
 from drivers.frame import Frame
@@ -31,8 +30,6 @@ from slam.relations import Relations, read_relations, relations
 from slam.result import SlamResult
 from slam.trajectory import Trajectory
 from slam.trajectory_file import write_tum
-
-DATA = Path(os.environ.get("CWLF_DATA", Path(__file__).parents[2] / ".." / "shared" / "data"))
 
 
 def config_for(source, mounting=None):

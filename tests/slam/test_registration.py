@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from registration_scenes import CORRIDOR, SENSOR, map_of, points_of, seen
 from scipy.optimize import least_squares
 
 from features.se2 import compose, inverse, pose, rotation, transform, wrap_angle
@@ -16,8 +17,6 @@ from sim.world import World
 from sim.worlds import room
 from slam.line_map import CENTER, LENGTH, NORMAL_X, NORMAL_Y, VAR_ANGLE, VAR_OFFSET, WALL_X, WALL_Y
 from slam.registration import RegistrationRules, register
-
-from .registration_scenes import CORRIDOR, SENSOR, map_of, points_of, seen
 
 law = settings(derandomize=True, deadline=None, max_examples=40)
 RULES = RegistrationRules()

@@ -1,12 +1,11 @@
 import itertools
 import math
-import os
-from pathlib import Path
 
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from places import DATA
 from walks import moved, random_pair
 
 from drivers.carmen import CarmenLog
@@ -14,9 +13,6 @@ from features.errors import CwlfError
 from features.se2 import between, pose
 from slam.relations import Relations, RelationsFormatError, read_relations, relations
 from slam.trajectory import Trajectory
-
-DATA = Path(os.environ.get("CWLF_DATA", Path(__file__).parents[2] / ".." / "shared" / "data"))
-
 
 frames = st.builds(pose, st.floats(-100, 100), st.floats(-100, 100), st.floats(-math.pi, math.pi))
 

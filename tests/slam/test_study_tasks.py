@@ -10,6 +10,7 @@ from typing import Any
 
 import pytest
 from distributed import Client
+from places import ROOT
 from pydantic import BaseModel
 
 from slam.cli import main
@@ -184,7 +185,7 @@ def test_a_killed_study_goes_on_where_it_was(
     script.write_text(KILLED)
     folder = tmp_path / "study"
     command = ["study", "slam", *SMALL, "--out", str(folder)]
-    environment = os.environ | {"PYTHONPATH": str(Path(__file__).parents[2])}
+    environment = os.environ | {"PYTHONPATH": str(ROOT)}
     killed = subprocess.run([sys.executable, script, *command, "--workers", "1"], env=environment, check=False)
     assert killed.returncode == -signal.SIGKILL
     assert {path.name for path in folder.iterdir()} == {JOURNAL}

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from registration_scenes import SENSOR, map_of, seen
 from shapely import LineString
 
 from features.se2 import compose, transform
@@ -14,8 +15,6 @@ from sim.worlds import room
 from slam.line_map import CENTER, LENGTH, NORMAL_X, NORMAL_Y, WALL_FIELDS, WALL_X, WALL_Y
 from slam.scan_points import ScanPoints
 from slam.visibility import SEEN_THROUGH, beyond_walls
-
-from .registration_scenes import SENSOR, map_of, seen
 
 
 def walls_between(ends):

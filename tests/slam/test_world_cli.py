@@ -1,7 +1,6 @@
 """The commands ``world``, ``simulate`` and ``export`` as a user meets them; recordings in ``run`` and ``evaluate``."""
 
 import json
-import os
 import signal
 import sys
 from collections.abc import Iterator
@@ -12,13 +11,13 @@ import numpy as np
 import pytest
 from command_line import Call
 from PIL import Image
+from places import DATA, ROOT
 
 from drivers import CarmenLog, Frame, Recording
 from sim import EFFECTS, ODOMETRIES, Lidar, SimulatedRun, find_site, site_run
 from slam.world_cli import EffectsOption, OdometryOption
 
-DATA = Path(os.environ.get("CWLF_DATA", Path(__file__).parents[2] / ".." / "shared" / "data"))
-EXAMPLES = Path(__file__).parents[2] / "examples"
+EXAMPLES = ROOT / "examples"
 
 
 def world_file(path: Path, *walls: object, **keys: object) -> Path:
