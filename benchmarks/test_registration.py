@@ -8,9 +8,9 @@ from features.se2 import compose, pose
 from sim.lidar import Lidar
 from sim.worlds import room
 from slam.config import SlamConfig
-from slam.line_map import LineMap, walls_of_lines
-from slam.registration import RegistrationRules, register
-from slam.scan_points import scan_points
+from slam.odometry.line_map import LineMap, walls_of_lines
+from slam.odometry.registration import RegistrationRules, register
+from slam.odometry.scan_points import scan_points
 
 HERE = pose(2.2, 1.7, 0.6)
 PRESETS = ["sick-lms", "rplidar-s1"]

@@ -11,8 +11,8 @@ from features.scan import LaserScan
 from features.se2 import pose
 from slam.config import SlamConfig
 from slam.front_end import FrontEnd
+from slam.odometry.beams import beyond_walls
 from slam.parts import gates, line_odometry
-from slam.visibility import beyond_walls
 
 logger = logging.getLogger(__name__)
 

@@ -16,8 +16,8 @@ from scipy.linalg import cho_factor, cho_solve
 from scipy.sparse import csr_array
 
 from features.se2 import Array, Pose, rotation, wrap_angle
-from slam.drifting_pose import move
 from slam.errors import DivergedError
+from slam.odometry.cloned_pose import move
 
 POSE_DIM = 3
 

@@ -15,7 +15,7 @@ from features.sensor import SensorModel
 from slam.association import Association, Gates, Signatures, associate, associate_identified
 from slam.ekf import POSE_DIM, LandmarkEkf, block_diagonal, corner_jacobian_blocks
 from slam.landmark import GONE, LOCAL, LandmarkTable
-from slam.visibility import seen_through, similar_pairs
+from slam.odometry.beams import seen_through, similar_pairs
 
 Indices = NDArray[np.int64]
 

@@ -13,9 +13,9 @@ from slam.dead_reckoning import DeadReckoning
 from slam.graph_factors import Closure
 from slam.loop_rules import LoopCounts, LoopRules
 from slam.loop_verification import closure_of, position_sigma, walls_world
+from slam.odometry.registration import Registration, RegistrationRules, register
+from slam.odometry.scan_points import ScanPoints
 from slam.place_index import PlaceIndex
-from slam.registration import Registration, RegistrationRules, register
-from slam.scan_points import ScanPoints
 
 RULES = RegistrationRules(gate=1.0)
 

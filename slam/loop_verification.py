@@ -8,9 +8,9 @@ from numpy.typing import NDArray
 
 from features.se2 import Array, Pose, between, rotation, wrap_angle
 from slam.graph_factors import Closure
-from slam.line_map import NORMAL_X, NORMAL_Y, WALL_X, WALL_Y
-from slam.registration import Registration
-from slam.scan_points import ScanPoints
+from slam.odometry.line_map import NORMAL_X, NORMAL_Y, WALL_X, WALL_Y
+from slam.odometry.registration import Registration
+from slam.odometry.scan_points import ScanPoints
 
 SYSTEMATIC = np.diag([0.005, 0.005, math.radians(0.125)]) ** 2
 """Covariance that two registrations of the same place share: walls that are not straight, things that were moved."""

@@ -5,9 +5,9 @@ import math
 from features.se2 import Pose
 from slam.association import Gates
 from slam.config import SlamConfig
-from slam.line_odometry import LineOdometry
 from slam.loop_rules import LoopRules
-from slam.odometry import ConstantVelocity, OdometryModel, WheelMotion
+from slam.odometry.line_odometry import LineOdometry
+from slam.odometry.motion_models import ConstantVelocity, OdometryModel, WheelMotion
 
 
 def line_odometry(config: SlamConfig, pose_map_robot: Pose) -> LineOdometry:

@@ -14,7 +14,6 @@ from slam.compiled import announced, load_compiled
 from slam.conclude import conclude, landmark_map
 from slam.config import SlamConfig
 from slam.coupling import close_loop, merge, rebase
-from slam.drifting_pose import Anchor
 from slam.ekf import LandmarkEkf
 from slam.front_end import FrontEnd
 from slam.graph_factors import Closure
@@ -23,6 +22,7 @@ from slam.hypotheses import Sighting
 from slam.key_frame import KeyFrame
 from slam.landmark import LandmarkTable
 from slam.loop_closing import LoopCloser
+from slam.odometry.cloned_pose import Anchor
 from slam.parts import gates, line_odometry, loop_rules
 from slam.reassociation import reassociate
 from slam.records import Records

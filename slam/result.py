@@ -11,12 +11,12 @@ from features.se2 import Array
 from slam.association import ObservationCounts
 from slam.config import SlamConfig
 from slam.landmark import LandmarkCounts
-from slam.line_odometry import RegistrationCounts
 from slam.loop_rules import LoopCounts
 from slam.nis_watch import NisSummary
+from slam.odometry.line_odometry import RegistrationCounts
+from slam.odometry.wheel_calibration import Calibration
 from slam.trajectory import Trajectory
 from slam.watch import Trust
-from slam.wheel_calibration import Calibration
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -11,10 +11,10 @@ from features.feature import Corners, Features
 from features.scan import LaserScan
 from features.sensor import SensorModel
 from slam.config import SlamConfig
-from slam.deskew import deskew_by_odometry
 from slam.errors import ConfigError
 from slam.graph import Observations
 from slam.observed import observed_points
+from slam.odometry.deskew import deskew_by_odometry
 from slam.records import Records
 
 

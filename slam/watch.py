@@ -10,8 +10,8 @@ from scipy.spatial import KDTree
 
 from features.se2 import Array, Pose, between, transform
 from slam.association import Association
-from slam.line_odometry import SURE_SHARE
 from slam.nis_watch import NisSummary, NisWatch
+from slam.odometry.line_odometry import SURE_SHARE
 
 logger = logging.getLogger(__name__)
 

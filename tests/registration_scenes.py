@@ -13,8 +13,8 @@ from sim.robot import Robot
 from sim.run import SimulatedRun
 from sim.world import World
 from slam.config import SlamConfig
-from slam.line_map import LineMap, walls_of_lines
-from slam.scan_points import ScanPoints, scan_points
+from slam.odometry.line_map import LineMap, walls_of_lines
+from slam.odometry.scan_points import ScanPoints, scan_points
 
 LIDAR = Lidar.of_preset("rplidar-s1", None)
 CONFIG = SlamConfig.of_preset("rplidar-s1")

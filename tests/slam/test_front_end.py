@@ -17,7 +17,7 @@ from slam.association import Gates
 from slam.ekf import predict_corners
 from slam.front_end import MERGE_SIGMA, FrontEnd
 from slam.landmark import GONE, LOCAL, MERGED
-from slam.visibility import SEEN_THROUGH, seen_through
+from slam.odometry.beams import SEEN_THROUGH, seen_through
 
 KEEP = 5.0
 seeds = st.integers(0, 10_000)

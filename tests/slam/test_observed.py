@@ -19,7 +19,7 @@ from slam.errors import ConfigError
 from slam.evaluate import evaluate_truth
 from slam.front_end import FrontEnd, transform_back
 from slam.observed import observed_points
-from slam.odometry import OdometryModel
+from slam.odometry.motion_models import OdometryModel
 from slam.pipeline import Slam
 
 MRCLAM = DATA / "mrclam6"

@@ -15,8 +15,8 @@ from features.sensor import Mounting
 from sim.lidar import Lidar
 from sim.world import World
 from sim.worlds import room
-from slam.line_map import CENTER, LENGTH, NORMAL_X, NORMAL_Y, VAR_ANGLE, VAR_OFFSET, WALL_X, WALL_Y
-from slam.registration import RegistrationRules, register
+from slam.odometry.line_map import CENTER, LENGTH, NORMAL_X, NORMAL_Y, VAR_ANGLE, VAR_OFFSET, WALL_X, WALL_Y
+from slam.odometry.registration import RegistrationRules, register
 
 law = settings(derandomize=True, deadline=None, max_examples=40)
 RULES = RegistrationRules()

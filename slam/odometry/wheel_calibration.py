@@ -7,7 +7,7 @@ import numpy as np
 from scipy.stats import chi2
 
 from features.se2 import Array, Pose, wrap_angle
-from slam.drifting_pose import Anchor, DriftingPose
+from slam.odometry.cloned_pose import Anchor, DriftingPose
 
 UNCALIBRATED = np.diag([0.05, 0.05, math.radians(2.0)]) ** 2
 """Covariance of the calibration of wheels of which nothing is known."""

@@ -9,8 +9,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from features.se2 import between, compose, compose_jacobians, pose, wrap_angle
-from slam.drifting_pose import DriftingPose
-from slam.odometry import OdometryModel
+from slam.odometry.cloned_pose import DriftingPose
+from slam.odometry.motion_models import OdometryModel
 
 law = settings(derandomize=True, deadline=None, max_examples=60)
 MODEL = OdometryModel(position_per_travel=0.05, position_per_turn=0.03, heading_per_travel=0.02, heading_per_turn=0.05)

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from features.scan import LaserScan
 from features.se2 import TWO_PI, Array
 from features.sensor import SensorModel
-from slam.line_map import LENGTH, NORMAL_X, NORMAL_Y, WALL_X, WALL_Y
+from slam.odometry.line_map import LENGTH, NORMAL_X, NORMAL_Y, WALL_X, WALL_Y
 
 BESIDE = 0.1
 """How far on either side points tell the direction of a surface [m]."""

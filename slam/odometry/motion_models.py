@@ -6,8 +6,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from features.se2 import Array, Pose, between, pose, wrap_angle
-from slam.drifting_pose import Anchor
-from slam.wheel_calibration import Calibration, WheelCalibration
+from slam.odometry.cloned_pose import Anchor
+from slam.odometry.wheel_calibration import Calibration, WheelCalibration
 
 
 @dataclass(frozen=True, slots=True)

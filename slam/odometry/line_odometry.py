@@ -10,14 +10,14 @@ from features.feature import Lines
 from features.scan import LaserScan
 from features.se2 import Array, Pose, between, compose, inverse, wrap_angle
 from features.sensor import SensorModel
-from slam.drifting_pose import Anchor, DriftingPose
 from slam.errors import DivergedError
-from slam.line_map import LineMap, walls_of_lines
-from slam.odometry import ConstantVelocity, WheelMotion
-from slam.registration import Registration, RegistrationRules, register
-from slam.scan_points import ScanPoints, scan_points
-from slam.visibility import beyond_walls
-from slam.wheel_calibration import Calibration
+from slam.odometry.beams import beyond_walls
+from slam.odometry.cloned_pose import Anchor, DriftingPose
+from slam.odometry.line_map import LineMap, walls_of_lines
+from slam.odometry.motion_models import ConstantVelocity, WheelMotion
+from slam.odometry.registration import Registration, RegistrationRules, register
+from slam.odometry.scan_points import ScanPoints, scan_points
+from slam.odometry.wheel_calibration import Calibration
 
 RULES = RegistrationRules()
 

@@ -12,9 +12,9 @@ from shapely import LineString
 from features.se2 import compose, transform
 from features.sensor import Mounting
 from sim.worlds import room
-from slam.line_map import CENTER, LENGTH, NORMAL_X, NORMAL_Y, WALL_FIELDS, WALL_X, WALL_Y
-from slam.scan_points import ScanPoints
-from slam.visibility import SEEN_THROUGH, beyond_walls
+from slam.odometry.beams import SEEN_THROUGH, beyond_walls
+from slam.odometry.line_map import CENTER, LENGTH, NORMAL_X, NORMAL_Y, WALL_FIELDS, WALL_X, WALL_Y
+from slam.odometry.scan_points import ScanPoints
 
 
 def walls_between(ends):

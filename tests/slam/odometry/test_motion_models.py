@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from features.se2 import between, pose
-from slam.drifting_pose import DriftingPose
-from slam.odometry import ConstantVelocity, OdometryModel, WheelMotion
+from slam.odometry.cloned_pose import DriftingPose
+from slam.odometry.motion_models import ConstantVelocity, OdometryModel, WheelMotion
 
 MODEL = OdometryModel(position_per_travel=0.05, position_per_turn=0.03, heading_per_travel=0.02, heading_per_turn=0.05)
 

@@ -17,9 +17,9 @@ from features.se2 import between, compose, pose, wrap_angle
 from sim.run import room_run
 from slam.config import SlamConfig
 from slam.errors import DivergedError
-from slam.line_odometry import LineOdometry
+from slam.odometry.line_odometry import LineOdometry
+from slam.odometry.registration import Registration
 from slam.parts import line_odometry
-from slam.registration import Registration
 from slam.relations import Relations, read_relations, relations
 from slam.trajectory import Trajectory
 
@@ -203,7 +203,7 @@ def test_a_scan_is_believed_against_the_prediction_only_where_it_fits_better(mon
         moved = np.linalg.solve(np.eye(3) + prior_cov @ information, prior_cov @ pull)
         return Registration(prior + moved, information, pull, share)
 
-    monkeypatch.setattr("slam.line_odometry.register", register)
+    monkeypatch.setattr("slam.odometry.line_odometry.register", register)
     odometry.register(frames[-1].stamp + 0.1, scan, extract(scan, config.sensor.model(), config.extraction).lines)
     assert next(looks, None) is None
     moved = float(np.hypot(*(odometry.pose - predicted)[:2]))
@@ -238,8 +238,8 @@ def test_what_looks_more_alike_elsewhere_is_believed_where_fewer_beams_go_throug
     def beyond_walls(scan, walls, pose_map_robot):
         return through_here if math.hypot(*(pose_map_robot - predicted)[:2]) < 0.4 else through_there
 
-    monkeypatch.setattr("slam.line_odometry.register", register)
-    monkeypatch.setattr("slam.line_odometry.beyond_walls", beyond_walls)
+    monkeypatch.setattr("slam.odometry.line_odometry.register", register)
+    monkeypatch.setattr("slam.odometry.line_odometry.beyond_walls", beyond_walls)
     sensor = config_of(run).sensor.model()
     odometry.register(frames[-1].stamp + 0.1, scan, extract(scan, sensor, config_of(run).extraction).lines)
     moved = float(np.hypot(*(odometry.pose - predicted)[:2]))

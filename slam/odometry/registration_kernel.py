@@ -5,8 +5,8 @@ import math
 import numpy as np
 from numba import njit
 
-from slam.line_map import CENTER, LENGTH, NORMAL_X, NORMAL_Y, VAR_ANGLE, VAR_OFFSET, WALL_X, WALL_Y
-from slam.scan_points import behind, directions_of
+from slam.odometry.line_map import CENTER, LENGTH, NORMAL_X, NORMAL_Y, VAR_ANGLE, VAR_OFFSET, WALL_X, WALL_Y
+from slam.odometry.scan_points import behind, directions_of
 
 NEAREST = 0.05
 """A sensor nearer to the line of a wall than this does not see it [m]."""

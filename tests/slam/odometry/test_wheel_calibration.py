@@ -8,10 +8,10 @@ import pytest
 from features.se2 import compose, pose
 from sim.run import POOR_ODOMETRY, room_run
 from slam.config import SlamConfig
-from slam.drifting_pose import DriftingPose
-from slam.odometry import OdometryModel
+from slam.odometry.cloned_pose import DriftingPose
+from slam.odometry.motion_models import OdometryModel
+from slam.odometry.wheel_calibration import UNCALIBRATED, Calibration, WheelCalibration
 from slam.pipeline import Slam
-from slam.wheel_calibration import UNCALIBRATED, Calibration, WheelCalibration
 
 MODEL = OdometryModel(position_per_travel=0.02, position_per_turn=0.01, heading_per_travel=0.02, heading_per_turn=0.03)
 WRONG = np.array([-0.03, 0.04, 0.02])

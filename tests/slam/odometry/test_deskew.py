@@ -14,7 +14,7 @@ from features.se2 import compose, pose, transform, wrap_angle
 from features.sensor import Mounting
 from sim import Effects, Lidar, Robot, SimulatedRun, WheelOdometry, label_corners, room
 from slam.config import SlamConfig
-from slam.deskew import deskew, deskew_by_odometry
+from slam.odometry.deskew import deskew, deskew_by_odometry
 from slam.pipeline import Slam
 
 SWEEP = Effects(sweep_time=0.1)

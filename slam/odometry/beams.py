@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 from features.scan import LaserScan
 from features.se2 import TWO_PI, Array, Pose
 from features.sensor import SensorModel
-from slam.line_map import LENGTH, NORMAL_X, NORMAL_Y, WALL_X, WALL_Y
-from slam.scan_points import ScanPoints, behind, directions_of
+from slam.odometry.line_map import LENGTH, NORMAL_X, NORMAL_Y, WALL_X, WALL_Y
+from slam.odometry.scan_points import ScanPoints, behind, directions_of
 
 SEEN_THROUGH = 0.3
 """How far behind a landmark or a wall a beam has to end to have gone through [m]."""

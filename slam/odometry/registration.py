@@ -4,8 +4,8 @@ import math
 from dataclasses import dataclass
 
 from features.se2 import Array, Pose, wrap_angle
-from slam.registration_kernel import register_kernel
-from slam.scan_points import ScanPoints
+from slam.odometry.registration_kernel import register_kernel
+from slam.odometry.scan_points import ScanPoints
 
 
 @dataclass(frozen=True, slots=True)
