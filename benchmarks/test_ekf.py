@@ -6,7 +6,7 @@ from filterpy.kalman import ExtendedKalmanFilter
 from scipy.linalg import block_diag
 
 from features.se2 import pose
-from slam.ekf import LandmarkEkf, corner_jacobian, predict_corners
+from slam.filter.ekf import LandmarkEkf, corner_jacobian, predict_corners
 
 CORNERS = 10
 COUNTS = [10, 100, 400]

@@ -7,9 +7,9 @@ import pytest
 
 from features.feature import Corners
 from features.se2 import pose
-from slam.association import Gates
-from slam.ekf import predict_corners
-from slam.front_end import FrontEnd
+from slam.filter.association import Gates
+from slam.filter.ekf import predict_corners
+from slam.filter.front_end import FrontEnd
 
 SEEN = 8
 KEEP = 20.0

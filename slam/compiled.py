@@ -10,7 +10,7 @@ from features.extract import extract
 from features.scan import LaserScan
 from features.se2 import pose
 from slam.config import SlamConfig
-from slam.front_end import FrontEnd
+from slam.filter.front_end import FrontEnd
 from slam.odometry.beams import beyond_walls
 from slam.parts import gates, line_odometry
 

@@ -3,7 +3,7 @@
 import numpy as np
 
 from features.se2 import rotation
-from slam.front_end import FrontEnd
+from slam.filter.front_end import FrontEnd
 from slam.graph import LandmarkGraph
 from slam.loop_closing import LoopCloser
 

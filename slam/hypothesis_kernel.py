@@ -5,7 +5,7 @@ import math
 import numpy as np
 from numba import njit
 
-from slam.ekf import POSE_DIM
+from slam.filter.ekf import POSE_DIM
 
 
 @njit(cache=True, error_model="numpy")

@@ -3,8 +3,8 @@
 import math
 
 from features.se2 import Pose
-from slam.association import Gates
 from slam.config import SlamConfig
+from slam.filter.association import Gates
 from slam.loop_rules import LoopRules
 from slam.odometry.line_odometry import LineOdometry
 from slam.odometry.motion_models import ConstantVelocity, OdometryModel, WheelMotion

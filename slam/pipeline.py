@@ -9,18 +9,18 @@ from numpy.typing import NDArray
 
 from drivers.frame import Frame
 from features.se2 import Array, Pose, compose
-from slam.association import Association, ObservationCounts
 from slam.compiled import announced, load_compiled
 from slam.conclude import conclude, landmark_map
 from slam.config import SlamConfig
 from slam.coupling import close_loop, merge, rebase
-from slam.ekf import LandmarkEkf
-from slam.front_end import FrontEnd
+from slam.filter.association import Association, ObservationCounts
+from slam.filter.ekf import LandmarkEkf
+from slam.filter.front_end import FrontEnd
+from slam.filter.landmark_table import LandmarkTable
 from slam.graph_factors import Closure
 from slam.graph_journal import JournaledGraph
 from slam.hypotheses import Sighting
 from slam.key_frame import KeyFrame
-from slam.landmark import LandmarkTable
 from slam.loop_closing import LoopCloser
 from slam.odometry.cloned_pose import Anchor
 from slam.parts import gates, line_odometry, loop_rules

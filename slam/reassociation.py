@@ -9,10 +9,10 @@ from scipy.special import chdtri
 
 from features.se2 import Array, Pose
 from slam.errors import DivergedError
+from slam.filter.landmark_table import LandmarkTable
 from slam.graph import GraphEstimate, Observations
 from slam.graph_journal import JournaledGraph
 from slam.hypotheses import Sighting, most_likely
-from slam.landmark import LandmarkTable
 
 logger = logging.getLogger(__name__)
 

@@ -8,9 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from features.se2 import Array
-from slam.association import ObservationCounts
 from slam.config import SlamConfig
-from slam.landmark import LandmarkCounts
+from slam.filter.association import ObservationCounts
+from slam.filter.landmark_table import LandmarkCounts
 from slam.loop_rules import LoopCounts
 from slam.nis_watch import NisSummary
 from slam.odometry.line_odometry import RegistrationCounts

@@ -8,8 +8,8 @@ from numpy.typing import NDArray
 
 from features.se2 import Array
 from slam.errors import DivergedError
+from slam.filter.landmark_table import LandmarkTable
 from slam.graph import GraphEstimate, LandmarkGraph
-from slam.landmark import LandmarkTable
 
 logger = logging.getLogger(__name__)
 

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 from features.feature import Features
 from features.se2 import Pose
-from slam.association import Association
+from slam.filter.association import Association
 
 
 @dataclass(frozen=True, slots=True, eq=False)

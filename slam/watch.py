@@ -9,7 +9,7 @@ import numpy as np
 from scipy.spatial import KDTree
 
 from features.se2 import Array, Pose, between, transform
-from slam.association import Association
+from slam.filter.association import Association
 from slam.nis_watch import NisSummary, NisWatch
 from slam.odometry.line_odometry import SURE_SHARE
 

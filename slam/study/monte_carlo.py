@@ -12,8 +12,8 @@ from features.se2 import Array
 from sim import EFFECTS, ODOMETRIES, Lidar, SimulatedRun, Site, find_site, site_run
 from slam.config import SlamConfig
 from slam.config_file import load_config
-from slam.ekf import POSE_DIM
 from slam.errors import StudyError
+from slam.filter.ekf import POSE_DIM
 from slam.metrics import mean_interval
 from slam.study.bars import bars, bars_table
 from slam.study.simulated import INSTANTS, simulate

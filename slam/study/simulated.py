@@ -10,7 +10,7 @@ from sim import SimulatedRun
 from slam.config import SlamConfig
 from slam.errors import DivergedError
 from slam.evaluate import evaluate_simulated
-from slam.landmark import GONE, MERGED
+from slam.filter.landmark_table import GONE, MERGED
 from slam.metrics import ate, nees
 from slam.pipeline import Slam
 from slam.result import LandmarkMap

@@ -10,8 +10,8 @@ from features.corner import intersect
 from features.feature import Features
 from features.se2 import Array, between, wrap_angle
 from sim import Measurement, World, label_corners
-from slam.association import Association
 from slam.evaluate import CORNER_DISTANCE
+from slam.filter.association import Association
 from slam.graph import Closure
 from slam.metrics import nees
 

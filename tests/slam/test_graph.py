@@ -9,7 +9,7 @@ from scipy.linalg import block_diag
 from scipy.optimize import least_squares
 
 from features.se2 import between, compose, pose, rotation, transform, wrap_angle
-from slam.ekf import LandmarkEkf
+from slam.filter.ekf import LandmarkEkf
 from slam.graph import LandmarkGraph
 from slam.graph_factors import ANCHOR_SIGMAS, Closure, Observations
 

@@ -7,8 +7,8 @@ import pytest
 
 from features.feature import Corners
 from features.se2 import compose, pose
-from slam.ekf import POSE_DIM, LandmarkEkf
-from slam.front_end import transform_back
+from slam.filter.ekf import POSE_DIM, LandmarkEkf
+from slam.filter.front_end import transform_back
 from slam.hypotheses import Sighting, most_likely
 from slam.hypothesis_kernel import move, succeed, weigh
 from slam.reassociation import reassociate

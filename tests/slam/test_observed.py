@@ -13,11 +13,11 @@ from drivers.frame import Frame, LandmarkObservations
 from drivers.mrclam import MrclamLog
 from features.se2 import between, compose, pose, transform
 from features.sensor import Mounting, SensorModel
-from slam.association import Gates
 from slam.config import SlamConfig, without_identities
 from slam.errors import ConfigError
 from slam.evaluate import evaluate_truth
-from slam.front_end import FrontEnd, transform_back
+from slam.filter.association import Gates
+from slam.filter.front_end import FrontEnd, transform_back
 from slam.observed import observed_points
 from slam.odometry.motion_models import OdometryModel
 from slam.pipeline import Slam

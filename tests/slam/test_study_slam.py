@@ -13,9 +13,9 @@ from scipy.stats import chi2
 from features import extract, sensor_preset
 from features.se2 import between, pose, transform
 from sim import EFFECTS, Lidar, find_site, room_run, site_run
-from slam.association import Association, associate
 from slam.errors import StudyError
 from slam.evaluate import evaluate_simulated
+from slam.filter.association import Association, associate
 from slam.graph import Closure
 from slam.metrics import ate, mean_interval, nees
 from slam.pipeline import Slam
@@ -163,7 +163,7 @@ def test_associations_that_go_wrong_are_noticed(monkeypatch: pytest.MonkeyPatch)
         found = associate(*arguments)
         return replace(found, landmarks=np.roll(found.landmarks, 1))
 
-    monkeypatch.setattr("slam.front_end.associate", exchanged)
+    monkeypatch.setattr("slam.filter.front_end.associate", exchanged)
     assert simulate(room_run(5), CONFIG, 10)["row"]["association_precision"] < 0.2
 
 

@@ -13,10 +13,10 @@ from scipy.linalg import block_diag
 from features.scan import LaserScan
 from features.se2 import between, compose, pose, rotation, transform, wrap_angle
 from features.sensor import Mounting, SensorModel
-from slam.association import Gates
-from slam.ekf import predict_corners
-from slam.front_end import MERGE_SIGMA, FrontEnd
-from slam.landmark import GONE, LOCAL, MERGED
+from slam.filter.association import Gates
+from slam.filter.ekf import predict_corners
+from slam.filter.front_end import MERGE_SIGMA, FrontEnd
+from slam.filter.landmark_table import GONE, LOCAL, MERGED
 from slam.odometry.beams import SEEN_THROUGH, seen_through
 
 KEEP = 5.0

@@ -9,8 +9,8 @@ from scipy.stats import chi2
 
 from features.feature import Corners
 from features.se2 import Array, wrap_angle
-from slam.ekf import POSE_DIM, LandmarkEkf, corner_jacobian_blocks, predict_corners
-from slam.joint_compatibility import joint_compatibility
+from slam.filter.ekf import POSE_DIM, LandmarkEkf, corner_jacobian_blocks, predict_corners
+from slam.filter.joint_compatibility import joint_compatibility
 
 Indices = NDArray[np.int64]
 

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from observed_corners import corners
 
 from features.se2 import wrap_angle
-from slam.landmark import LOCAL, MERGED, LandmarkTable
+from slam.filter.landmark_table import LOCAL, MERGED, LandmarkTable
 
 angles = st.floats(-math.pi, math.pi)
 

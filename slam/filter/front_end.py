@@ -12,9 +12,9 @@ from features.feature import Corners
 from features.scan import LaserScan
 from features.se2 import Array, Pose, wrap_angle
 from features.sensor import SensorModel
-from slam.association import Association, Gates, Signatures, associate, associate_identified
-from slam.ekf import POSE_DIM, LandmarkEkf, block_diagonal, corner_jacobian_blocks
-from slam.landmark import GONE, LOCAL, LandmarkTable
+from slam.filter.association import Association, Gates, Signatures, associate, associate_identified
+from slam.filter.ekf import POSE_DIM, LandmarkEkf, block_diagonal, corner_jacobian_blocks
+from slam.filter.landmark_table import GONE, LOCAL, LandmarkTable
 from slam.odometry.beams import seen_through, similar_pairs
 
 Indices = NDArray[np.int64]

@@ -12,8 +12,8 @@ from scipy.linalg import block_diag
 from scipy.stats import chi2
 
 from features.se2 import compose, compose_jacobians, pose, rotation, transform, wrap_angle
-from slam.ekf import LandmarkEkf, corner_jacobian, corner_jacobian_blocks, predict_corners
 from slam.errors import DivergedError
+from slam.filter.ekf import LandmarkEkf, corner_jacobian, corner_jacobian_blocks, predict_corners
 
 seeds = st.integers(0, 10_000)
 headings = st.one_of(st.floats(-math.pi, math.pi), st.sampled_from([math.pi, -math.pi, math.pi - 1e-9, 1e-9 - math.pi]))

@@ -11,9 +11,9 @@ from scipy.stats import chi2
 
 from features.feature import Corners
 from features.se2 import compose, pose, rotation, transform, wrap_angle
-from slam.association import Gates, Signatures, associate
-from slam.association import _innovations as innovations  # the covariances that the gate works with
-from slam.ekf import LandmarkEkf, predict_corners
+from slam.filter.association import Gates, Signatures, associate
+from slam.filter.association import _innovations as innovations  # the covariances that the gate works with
+from slam.filter.ekf import LandmarkEkf, predict_corners
 
 MATCH, BIRTH = float(chi2.ppf(0.99, 2)), float(chi2.ppf(0.9999, 2))
 

@@ -7,7 +7,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.stats import chi2
 
-from slam.joint_compatibility import joint_compatibility
+from slam.filter.joint_compatibility import joint_compatibility
 
 GATES = np.concatenate([[0.0], chi2.ppf(0.99, 2 * np.arange(1, 12))])
 
