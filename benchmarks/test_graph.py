@@ -7,7 +7,7 @@ import pytest
 
 from sim.run import room_run
 from slam.config_file import load_config
-from slam.graph import LandmarkGraph, Observations
+from slam.graph.incremental import LandmarkGraph, Observations
 from slam.pipeline import Slam
 
 FRAMES = 1500

@@ -6,12 +6,12 @@ import numpy as np
 
 from features.se2 import transform
 from slam.config import SlamConfig
-from slam.graph import GraphEstimate
+from slam.graph.incremental import GraphEstimate
+from slam.graph.solution import Solution
 from slam.key_frame import KeyFrame
 from slam.records import Records
 from slam.result import LandmarkMap, RunMetrics, SlamResult
 from slam.smoothing import carry_corrections
-from slam.solution import Solution
 from slam.trajectory import Trajectory
 
 

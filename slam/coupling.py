@@ -4,7 +4,7 @@ import numpy as np
 
 from features.se2 import rotation
 from slam.filter.front_end import FrontEnd
-from slam.graph import LandmarkGraph
+from slam.graph.incremental import LandmarkGraph
 from slam.loop_closing import LoopCloser
 
 

@@ -10,7 +10,7 @@ from features.feature import Corners
 from features.se2 import Array, Pose, between, compose, inverse
 from slam.constellation import gather
 from slam.dead_reckoning import DeadReckoning
-from slam.graph_factors import Closure
+from slam.graph.factors import Closure
 from slam.loop_rules import LoopCounts, LoopRules
 from slam.loop_verification import closure_of, position_sigma, walls_world
 from slam.odometry.registration import Registration, RegistrationRules, register

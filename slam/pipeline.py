@@ -17,17 +17,17 @@ from slam.filter.association import Association, ObservationCounts
 from slam.filter.ekf import LandmarkEkf
 from slam.filter.front_end import FrontEnd
 from slam.filter.landmark_table import LandmarkTable
-from slam.graph_factors import Closure
-from slam.graph_journal import JournaledGraph
-from slam.hypotheses import Sighting
+from slam.graph.factors import Closure
+from slam.graph.journal import JournaledGraph
+from slam.graph.multi_hypothesis import Sighting
+from slam.graph.reassociation import reassociate
+from slam.graph.solution import Solution, solve
 from slam.key_frame import KeyFrame
 from slam.loop_closing import LoopCloser
 from slam.odometry.cloned_pose import Anchor
 from slam.parts import gates, line_odometry, loop_rules
-from slam.reassociation import reassociate
 from slam.records import Records
 from slam.result import RunMetrics, SlamResult
-from slam.solution import Solution, solve
 from slam.stage_clock import StageClock, peak_memory_mb
 from slam.step import Step
 from slam.view import View, look

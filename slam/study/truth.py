@@ -12,7 +12,7 @@ from features.se2 import Array, between, wrap_angle
 from sim import Measurement, World, label_corners
 from slam.evaluate import CORNER_DISTANCE
 from slam.filter.association import Association
-from slam.graph import Closure
+from slam.graph.incremental import Closure
 from slam.metrics import nees
 
 Labels = NDArray[np.int64]

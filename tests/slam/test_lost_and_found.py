@@ -9,8 +9,8 @@ from registration_scenes import CONFIG, LIDAR, SENSOR, points_of
 from features.extract import extract
 from features.se2 import between, compose, pose
 from sim.world import World
-from slam.graph import LandmarkGraph
-from slam.graph_factors import Observations
+from slam.graph.factors import Observations
+from slam.graph.incremental import LandmarkGraph
 from slam.loop_closing import LoopCloser
 from slam.loop_rules import LoopRules
 

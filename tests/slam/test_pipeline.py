@@ -23,7 +23,7 @@ from sim.worlds import room
 from slam.config import SlamConfig
 from slam.config_file import load_config
 from slam.errors import DivergedError
-from slam.graph import LandmarkGraph
+from slam.graph.incremental import LandmarkGraph
 from slam.metrics import ate, match_landmarks
 from slam.pipeline import Slam
 from slam.relations import Relations, read_relations, relations

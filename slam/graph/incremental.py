@@ -9,7 +9,8 @@ from numpy.typing import NDArray
 
 from features.se2 import Array, Pose, compose, rotation, transform
 from slam.errors import DivergedError
-from slam.graph_factors import (
+from slam.graph.batch import GraphEstimate, Problem
+from slam.graph.factors import (
     Closure,
     Observations,
     anchor_factor,
@@ -18,7 +19,6 @@ from slam.graph_factors import (
     empty_tree,
     odometry_factor,
 )
-from slam.graph_solve import GraphEstimate, Problem
 
 logger = logging.getLogger(__name__)
 

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from scipy.special import chdtri
 
 from features.se2 import Array
-from slam.graph_factors import Closure, closure_factor, empty_tree
+from slam.graph.factors import Closure, closure_factor, empty_tree
 
 CLOSURE_GATE = float(chdtri(3, 1e-4))
 """What leaving a closure out takes off twice the cost of all else, beyond which the rest contradicts it (eq. M50)."""

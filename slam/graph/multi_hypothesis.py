@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from features.feature import Corners
 from features.se2 import Array, Pose
 from slam.filter.ekf import POSE_DIM
-from slam.hypothesis_kernel import move, succeed, weigh
+from slam.graph.multi_hypothesis_kernel import move, succeed, weigh
 
 Indices = NDArray[np.int64]
 

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from features.se2 import Array
 from slam.errors import DivergedError
 from slam.filter.landmark_table import LandmarkTable
-from slam.graph import GraphEstimate, LandmarkGraph
+from slam.graph.incremental import GraphEstimate, LandmarkGraph
 
 logger = logging.getLogger(__name__)
 
@@ -29,7 +29,7 @@ class Solution:
     estimate: GraphEstimate
 
     def pose_covs(self, key_frames: NDArray[np.int64]) -> Array:
-        """Marginal covariances of key frames; see :meth:`slam.graph.LandmarkGraph.pose_covs`."""
+        """Marginal covariances of key frames; see :meth:`slam.graph.incremental.LandmarkGraph.pose_covs`."""
         return self.graph.pose_covs(self.estimate, key_frames)
 
 

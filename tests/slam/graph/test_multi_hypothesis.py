@@ -9,9 +9,9 @@ from features.feature import Corners
 from features.se2 import compose, pose
 from slam.filter.ekf import POSE_DIM, LandmarkEkf
 from slam.filter.front_end import transform_back
-from slam.hypotheses import Sighting, most_likely
-from slam.hypothesis_kernel import move, succeed, weigh
-from slam.reassociation import reassociate
+from slam.graph.multi_hypothesis import Sighting, most_likely
+from slam.graph.multi_hypothesis_kernel import move, succeed, weigh
+from slam.graph.reassociation import reassociate
 
 FIRST_COV = np.diag([1e-8, 1e-8, 1e-10])
 MOTION_COV = np.diag([0.01, 0.01, 0.02]) ** 2

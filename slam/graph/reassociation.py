@@ -10,9 +10,9 @@ from scipy.special import chdtri
 from features.se2 import Array, Pose
 from slam.errors import DivergedError
 from slam.filter.landmark_table import LandmarkTable
-from slam.graph import GraphEstimate, Observations
-from slam.graph_journal import JournaledGraph
-from slam.hypotheses import Sighting, most_likely
+from slam.graph.incremental import GraphEstimate, Observations
+from slam.graph.journal import JournaledGraph
+from slam.graph.multi_hypothesis import Sighting, most_likely
 
 logger = logging.getLogger(__name__)
 
@@ -29,7 +29,7 @@ two, makes two that lie by as much apart.
 def reassociate(
     pose_world_robot: Pose, cov: Array, sightings: Sequence[Sighting], cauchy_scale: float, max_iterations: int
 ) -> tuple[JournaledGraph, LandmarkTable]:
-    """Tell a graph what was seen, and of which landmarks by :func:`slam.hypotheses.most_likely`.
+    """Tell a graph what was seen, and of which landmarks by :func:`slam.graph.multi_hypothesis.most_likely`.
 
     Parameters
     ----------

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from slam.graph_solve import outliers
+from slam.graph.batch import outliers
 
 GATE = 21.1
 
