@@ -5,7 +5,7 @@ import numpy as np
 from features.se2 import rotation
 from slam.filter.front_end import FrontEnd
 from slam.graph.incremental import LandmarkGraph
-from slam.loop_closing import LoopCloser
+from slam.loop.closer import LoopCloser
 
 
 def merge(front: FrontEnd, graph: LandmarkGraph) -> None:

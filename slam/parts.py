@@ -5,7 +5,7 @@ import math
 from features.se2 import Pose
 from slam.config import SlamConfig
 from slam.filter.association import Gates
-from slam.loop_rules import LoopRules
+from slam.loop.rules import LoopRules
 from slam.odometry.line_odometry import LineOdometry
 from slam.odometry.motion_models import ConstantVelocity, OdometryModel, WheelMotion
 

@@ -23,7 +23,7 @@ from slam.graph.multi_hypothesis import Sighting
 from slam.graph.reassociation import reassociate
 from slam.graph.solution import Solution, solve
 from slam.key_frame import KeyFrame
-from slam.loop_closing import LoopCloser
+from slam.loop.closer import LoopCloser
 from slam.odometry.cloned_pose import Anchor
 from slam.parts import gates, line_odometry, loop_rules
 from slam.records import Records

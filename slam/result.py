@@ -11,7 +11,7 @@ from features.se2 import Array
 from slam.config import SlamConfig
 from slam.filter.association import ObservationCounts
 from slam.filter.landmark_table import LandmarkCounts
-from slam.loop_rules import LoopCounts
+from slam.loop.rules import LoopCounts
 from slam.nis_watch import NisSummary
 from slam.odometry.line_odometry import RegistrationCounts
 from slam.odometry.wheel_calibration import Calibration

@@ -6,7 +6,7 @@ import numpy as np
 
 from features.feature import Corners
 from features.se2 import transform, wrap_angle
-from slam.constellation import Constellation
+from slam.loop.constellation import Constellation
 
 SIGMA_POSITION, SIGMA_ANGLE = 0.05, math.radians(3.0)
 """Errors of a corner that is the mean of several sightings [m, rad]."""

@@ -11,8 +11,8 @@ from features.se2 import between, compose, pose
 from sim.world import World
 from slam.graph.factors import Observations
 from slam.graph.incremental import LandmarkGraph
-from slam.loop_closing import LoopCloser
-from slam.loop_rules import LoopRules
+from slam.loop.closer import LoopCloser
+from slam.loop.rules import LoopRules
 
 from .test_loop_closing import LAP, PILLARS, RING, ROUND, along, box
 

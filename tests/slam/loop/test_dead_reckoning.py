@@ -7,7 +7,7 @@ import pytest
 from scipy.stats import chi2
 
 from features.se2 import between, compose, pose
-from slam.dead_reckoning import DeadReckoning
+from slam.loop.dead_reckoning import DeadReckoning
 
 MOTIONS = [pose(0.5, 0.02, turn) for turn in np.radians([3.0] * 20 + [-9.0] * 20 + [0.0] * 20)]
 COV = np.diag([0.02, 0.01, math.radians(0.3)]) ** 2

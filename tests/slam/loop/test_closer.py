@@ -11,9 +11,9 @@ from scipy.stats import chi2
 from features.feature import Corners
 from features.se2 import between, compose, inverse, pose, wrap_angle
 from sim.world import World
-from slam.loop_closing import LoopCloser
-from slam.loop_rules import LoopRules
-from slam.loop_verification import SYSTEMATIC
+from slam.loop.closer import LoopCloser
+from slam.loop.rules import LoopRules
+from slam.loop.verification import SYSTEMATIC
 
 RULES = LoopRules()
 NO_CORNERS = Corners.of(np.empty((0, 2)), np.empty((0, 2, 2)), np.empty(0), np.empty(0), np.empty(0, np.bool_))

@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from features.se2 import between, pose
-from slam.place_index import PlaceIndex
+from slam.loop.geometric_hashing import PlaceIndex
 
 SEEDS = st.integers(0, 2**32 - 1)
 POSES = st.builds(pose, st.floats(-1e3, 1e3), st.floats(-1e3, 1e3), st.floats(-math.pi, math.pi))

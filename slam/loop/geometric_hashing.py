@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from scipy.spatial import KDTree
 
 from features.se2 import Array, Pose, wrap_angle
-from slam.constellation import SAME_ANGLE, Constellation, lay
+from slam.loop.constellation import SAME_ANGLE, Constellation, lay
 
 SHORTEST_PAIR = 1.0
 """Two corners nearer to each other than this tell little of a heading [m]."""

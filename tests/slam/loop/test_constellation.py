@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from features.se2 import between, compose, pose, wrap_angle
-from slam.constellation import gather, lay
+from slam.loop.constellation import gather, lay
 
 SEEDS = st.integers(0, 2**32 - 1)
 POSES = st.builds(pose, st.floats(-50.0, 50.0), st.floats(-50.0, 50.0), st.floats(-math.pi, math.pi))

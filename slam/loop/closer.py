@@ -8,14 +8,14 @@ from scipy.stats import chi2
 
 from features.feature import Corners
 from features.se2 import Array, Pose, between, compose, inverse
-from slam.constellation import gather
-from slam.dead_reckoning import DeadReckoning
 from slam.graph.factors import Closure
-from slam.loop_rules import LoopCounts, LoopRules
-from slam.loop_verification import closure_of, position_sigma, walls_world
+from slam.loop.constellation import gather
+from slam.loop.dead_reckoning import DeadReckoning
+from slam.loop.geometric_hashing import PlaceIndex
+from slam.loop.rules import LoopCounts, LoopRules
+from slam.loop.verification import closure_of, position_sigma, walls_world
 from slam.odometry.registration import Registration, RegistrationRules, register
 from slam.odometry.scan_points import ScanPoints
-from slam.place_index import PlaceIndex
 
 RULES = RegistrationRules(gate=1.0)
 
