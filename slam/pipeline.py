@@ -30,8 +30,8 @@ from slam.records import Records
 from slam.result import RunMetrics, SlamResult
 from slam.stage_clock import StageClock, peak_memory_mb
 from slam.step import Step
+from slam.trust.monitor import Trust, Watch
 from slam.view import View, look
-from slam.watch import Trust, Watch
 
 FIRST_POSE_COV = np.diag([1e-8, 1e-8, 1e-10])
 """The first pose defines the world frame."""

@@ -12,11 +12,11 @@ from slam.config import SlamConfig
 from slam.filter.association import ObservationCounts
 from slam.filter.landmark_table import LandmarkCounts
 from slam.loop.rules import LoopCounts
-from slam.nis_watch import NisSummary
 from slam.odometry.line_odometry import RegistrationCounts
 from slam.odometry.wheel_calibration import Calibration
 from slam.trajectory import Trajectory
-from slam.watch import Trust
+from slam.trust.monitor import Trust
+from slam.trust.nis import NisSummary
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.stats import chi2
 
-from slam.nis_watch import WINDOW, NisWatch
+from slam.trust.nis import WINDOW, NisWatch
 
 PAIRS = 8
 

@@ -10,8 +10,8 @@ from scipy.spatial import KDTree
 
 from features.se2 import Array, Pose, between, transform
 from slam.filter.association import Association
-from slam.nis_watch import NisSummary, NisWatch
 from slam.odometry.line_odometry import SURE_SHARE
+from slam.trust.nis import NisSummary, NisWatch
 
 logger = logging.getLogger(__name__)
 
