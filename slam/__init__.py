@@ -8,10 +8,10 @@ if TYPE_CHECKING:
     from slam.config_file import load_config
     from slam.metrics import ate, rpe
     from slam.pipeline import Slam
-    from slam.result import LandmarkMap, SlamResult
+    from slam.result.result import LandmarkMap, SlamResult
+    from slam.result.trajectory import Trajectory
     from slam.run_folder import save_run
     from slam.step import Step
-    from slam.trajectory import Trajectory
 
 __all__ = [
     "LandmarkMap",
@@ -27,12 +27,12 @@ __all__ = [
 ]
 
 _HOMES = {
-    "LandmarkMap": "slam.result",
+    "LandmarkMap": "slam.result.result",
     "Slam": "slam.pipeline",
     "SlamConfig": "slam.config",
-    "SlamResult": "slam.result",
+    "SlamResult": "slam.result.result",
     "Step": "slam.step",
-    "Trajectory": "slam.trajectory",
+    "Trajectory": "slam.result.trajectory",
     "ate": "slam.metrics",
     "load_config": "slam.config_file",
     "rpe": "slam.metrics",

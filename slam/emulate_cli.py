@@ -111,8 +111,8 @@ def _write_truth(path: Path, trajectory: Trajectory, device: Device, started: fl
     import numpy as np
 
     from drivers.errors import RecordError
-    from slam.trajectory import Trajectory as Stamped
-    from slam.trajectory_file import write_tum
+    from slam.result.trajectory import Trajectory as Stamped
+    from slam.result.trajectory_file import write_tum
 
     times = np.arange(0.0, end, 1.0 / TRUTH_RATE)
     departure = end if device.departure is None else device.departure

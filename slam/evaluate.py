@@ -14,9 +14,9 @@ from features.se2 import Array, Pose, transform
 from sim.world import World
 from slam.metrics import align, ate, match_landmarks, rpe
 from slam.relations import read_relations, relations
-from slam.result import SlamResult
-from slam.trajectory import Trajectory
-from slam.trajectory_file import read_trajectory_file
+from slam.result.result import SlamResult
+from slam.result.trajectory import Trajectory
+from slam.result.trajectory_file import read_trajectory_file
 
 if TYPE_CHECKING:
     from sim.run import SimulatedRun

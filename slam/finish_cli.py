@@ -10,7 +10,7 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from features.errors import CwlfError
-    from slam.result import SlamResult
+    from slam.result.result import SlamResult
 
 
 def save(folder: Path, title: str, result: SlamResult, error: CwlfError | None) -> None:

@@ -7,7 +7,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from features.errors import CwlfError
 from features.se2 import Array, Pose, between, pose, rotation, transform
-from slam.trajectory import Trajectory
+from slam.result.trajectory import Trajectory
 
 ASSOCIATION_TOLERANCE = 0.02
 """Poses of two trajectories belong together if their stamps differ by no more than this [s]."""

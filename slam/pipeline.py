@@ -10,7 +10,6 @@ from numpy.typing import NDArray
 from drivers.frame import Frame
 from features.se2 import Array, Pose, compose
 from slam.compiled import announced, load_compiled
-from slam.conclude import conclude, landmark_map
 from slam.config import SlamConfig
 from slam.coupling import close_loop, merge, rebase
 from slam.filter.association import Association, ObservationCounts
@@ -26,9 +25,10 @@ from slam.key_frame import KeyFrame
 from slam.loop.closer import LoopCloser
 from slam.odometry.cloned_pose import Anchor
 from slam.parts import gates, line_odometry, loop_rules
-from slam.records import Records
-from slam.result import RunMetrics, SlamResult
-from slam.stage_clock import StageClock, peak_memory_mb
+from slam.result.assemble import conclude, landmark_map
+from slam.result.records import Records
+from slam.result.result import RunMetrics, SlamResult
+from slam.result.stage_clock import StageClock, peak_memory_mb
 from slam.step import Step
 from slam.trust.monitor import Trust, Watch
 from slam.view import View, look

@@ -12,7 +12,7 @@ from matplotlib.lines import Line2D
 from numpy.random import Generator
 
 from features.se2 import Array
-from slam.result import SlamResult
+from slam.result.result import SlamResult
 
 INK, WALL, PATH, ODOMETRY = "#22272e", "#3b4554", "#1f77b4", "#9db8cc"
 CONCAVE, CONVEX, POINT = "#d1495b", "#d98a1f", "#6a4c93"

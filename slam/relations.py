@@ -8,8 +8,8 @@ import numpy as np
 from features.errors import CwlfError
 from features.se2 import Array
 from slam.metrics import UnmatchedError, magnitudes, motions_between, pose_differences, span
-from slam.trajectory import Trajectory
-from slam.trajectory_file import read_rows
+from slam.result.trajectory import Trajectory
+from slam.result.trajectory_file import read_rows
 
 RELATION_TOLERANCE = 0.05
 """A pose belongs to the stamp of a relation if it differs by no more than this [s]."""

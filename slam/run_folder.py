@@ -15,9 +15,9 @@ from numpy.typing import NDArray
 from features.se2 import Array
 from slam.config_file import to_toml
 from slam.errors import RunFolderError
-from slam.result import SlamResult
-from slam.trajectory import Trajectory
-from slam.trajectory_file import read_trajectory_file, write_tum
+from slam.result.result import SlamResult
+from slam.result.trajectory import Trajectory
+from slam.result.trajectory_file import read_trajectory_file, write_tum
 
 TRAJECTORY, TRAJECTORY_ONLINE, TRAJECTORY_ODOMETRY = (
     "trajectory.tum",

@@ -15,7 +15,7 @@ from slam.frame_digest import extend_digest
 from slam.interrupt import Interrupt
 from slam.pipeline import Slam
 from slam.progress import RunProgress
-from slam.result import SlamResult
+from slam.result.result import SlamResult
 from slam.step import Step
 
 LEAST_INTERVAL_S = 10.0

@@ -15,7 +15,7 @@ from slam.errors import ConfigError
 from slam.graph.incremental import Observations
 from slam.observed import observed_points
 from slam.odometry.deskew import deskew_by_odometry
-from slam.records import Records
+from slam.result.records import Records
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -3,7 +3,7 @@
 import numpy as np
 
 from features.se2 import compose, pose
-from slam.trajectory import Trajectory
+from slam.result.trajectory import Trajectory
 
 
 def random_pair(seed, count=200):

@@ -13,9 +13,9 @@ from slam.evaluate import evaluate_simulated
 from slam.filter.landmark_table import GONE, MERGED
 from slam.metrics import ate, nees
 from slam.pipeline import Slam
-from slam.result import LandmarkMap
+from slam.result.result import LandmarkMap
+from slam.result.trajectory import Trajectory
 from slam.study.truth import AssociationScore, ClosureScore, true_corners
-from slam.trajectory import Trajectory
 
 INSTANTS = 20
 """A run is held against its truth so many times, at equal intervals, the last time at its end."""

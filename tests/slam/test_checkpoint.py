@@ -27,7 +27,7 @@ from slam.config_file import load_config
 from slam.errors import RunFolderError
 from slam.frame_digest import extend_digest
 from slam.pipeline import Slam
-from slam.trajectory_file import write_tum
+from slam.result.trajectory_file import write_tum
 
 RECORDS = 1600
 

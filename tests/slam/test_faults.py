@@ -17,8 +17,8 @@ from sim.run import room_run
 from slam.config_file import load_config
 from slam.metrics import ate
 from slam.pipeline import Slam
-from slam.result import SlamResult
-from slam.trajectory import Trajectory
+from slam.result.result import SlamResult
+from slam.result.trajectory import Trajectory
 
 BEGIN, END = 1000, 1500
 """Records between which it happens: ten seconds."""

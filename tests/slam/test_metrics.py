@@ -20,7 +20,7 @@ from slam.metrics import (
     match_landmarks,
     rpe,
 )
-from slam.trajectory import Trajectory
+from slam.result.trajectory import Trajectory
 
 
 def evo_trajectory(trajectory):

@@ -27,9 +27,9 @@ from slam.graph.incremental import LandmarkGraph
 from slam.metrics import ate, match_landmarks
 from slam.pipeline import Slam
 from slam.relations import Relations, read_relations, relations
-from slam.result import SlamResult
-from slam.trajectory import Trajectory
-from slam.trajectory_file import write_tum
+from slam.result.result import SlamResult
+from slam.result.trajectory import Trajectory
+from slam.result.trajectory_file import write_tum
 
 
 def config_for(source, mounting=None):

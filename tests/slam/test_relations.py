@@ -12,7 +12,7 @@ from drivers.carmen import CarmenLog
 from features.errors import CwlfError
 from features.se2 import between, pose
 from slam.relations import Relations, RelationsFormatError, read_relations, relations
-from slam.trajectory import Trajectory
+from slam.result.trajectory import Trajectory
 
 frames = st.builds(pose, st.floats(-100, 100), st.floats(-100, 100), st.floats(-math.pi, math.pi))
 

@@ -19,6 +19,7 @@ from slam.filter.association import Association, associate
 from slam.graph.incremental import Closure
 from slam.metrics import ate, mean_interval, nees
 from slam.pipeline import Slam
+from slam.result.trajectory import Trajectory
 from slam.study.bars import bars
 from slam.study.monte_carlo import (
     MonteCarloSettings,
@@ -33,7 +34,6 @@ from slam.study.monte_carlo import (
 from slam.study.simulated import INSTANTS, simulate
 from slam.study.tasks import Failure
 from slam.study.truth import AssociationScore, ClosureScore, true_corners
-from slam.trajectory import Trajectory
 
 CONFIG = study_config()
 SCANS = 60

@@ -21,7 +21,7 @@ from slam.odometry.line_odometry import LineOdometry
 from slam.odometry.registration import Registration
 from slam.parts import line_odometry
 from slam.relations import Relations, read_relations, relations
-from slam.trajectory import Trajectory
+from slam.result.trajectory import Trajectory
 
 
 def config_of(run, **odometry):

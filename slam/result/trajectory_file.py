@@ -9,7 +9,7 @@ import numpy as np
 
 from features.errors import CwlfError
 from features.se2 import wrap_angle
-from slam.trajectory import Trajectory
+from slam.result.trajectory import Trajectory
 
 TUM = "stamp x y z qx qy qz qw"
 PLANAR = "stamp x y theta"

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from slam.trajectory import Trajectory, told_apart
+from slam.result.trajectory import Trajectory, told_apart
 
 
 def random_trajectory(seed, count=50):

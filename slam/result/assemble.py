@@ -9,10 +9,10 @@ from slam.config import SlamConfig
 from slam.graph.incremental import GraphEstimate
 from slam.graph.solution import Solution
 from slam.key_frame import KeyFrame
-from slam.records import Records
-from slam.result import LandmarkMap, RunMetrics, SlamResult
-from slam.smoothing import carry_corrections
-from slam.trajectory import Trajectory
+from slam.result.records import Records
+from slam.result.result import LandmarkMap, RunMetrics, SlamResult
+from slam.result.smoothing import carry_corrections
+from slam.result.trajectory import Trajectory
 
 
 def conclude(

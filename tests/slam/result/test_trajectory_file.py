@@ -11,8 +11,8 @@ from hypothesis import strategies as st
 
 from features.errors import CwlfError
 from features.se2 import wrap_angle
-from slam.trajectory import Trajectory
-from slam.trajectory_file import TrajectoryFormatError, read_trajectory_file, write_tum
+from slam.result.trajectory import Trajectory
+from slam.result.trajectory_file import TrajectoryFormatError, read_trajectory_file, write_tum
 
 
 def random_trajectory(seed, count=50):

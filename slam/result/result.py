@@ -14,7 +14,7 @@ from slam.filter.landmark_table import LandmarkCounts
 from slam.loop.rules import LoopCounts
 from slam.odometry.line_odometry import RegistrationCounts
 from slam.odometry.wheel_calibration import Calibration
-from slam.trajectory import Trajectory
+from slam.result.trajectory import Trajectory
 from slam.trust.monitor import Trust
 from slam.trust.nis import NisSummary
 

@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from features.se2 import between, compose, pose, wrap_angle
-from slam.smoothing import carry_corrections
+from slam.result.smoothing import carry_corrections
 
 seeds = st.integers(0, 10_000)
 frames = st.builds(pose, st.floats(-50, 50), st.floats(-50, 50), st.floats(-math.pi, math.pi))

@@ -6,7 +6,7 @@ import numpy as np
 
 from drivers.frame import Frame
 from features.se2 import Array, Pose
-from slam.trajectory import Trajectory, told_apart
+from slam.result.trajectory import Trajectory, told_apart
 
 
 class Records:
