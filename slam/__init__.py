@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from slam.config import SlamConfig
     from slam.config_file import load_config
-    from slam.metrics import ate, rpe
+    from slam.evaluation.metrics import ate, rpe
     from slam.pipeline import Slam
     from slam.result.result import LandmarkMap, SlamResult
     from slam.result.trajectory import Trajectory
@@ -33,9 +33,9 @@ _HOMES = {
     "SlamResult": "slam.result.result",
     "Step": "slam.step",
     "Trajectory": "slam.result.trajectory",
-    "ate": "slam.metrics",
+    "ate": "slam.evaluation.metrics",
     "load_config": "slam.config_file",
-    "rpe": "slam.metrics",
+    "rpe": "slam.evaluation.metrics",
     "save_run": "slam.run_folder",
 }
 

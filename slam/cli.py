@@ -91,7 +91,7 @@ def demo(
     from sim.run import room_run
     from slam.checkpoint import Stand
     from slam.config_file import load_config
-    from slam.evaluate import evaluate_simulated
+    from slam.evaluation.evaluate import evaluate_simulated
     from slam.pipeline import Slam
     from slam.run_folder import claimed, default_folder
     from slam.session import Session
@@ -200,7 +200,7 @@ def evaluate(
     as_json: Json = False,
 ) -> None:
     """Compare the trajectory of a run with relations or with a true trajectory."""
-    from slam.evaluate import evaluate_relations, evaluate_truth, to_lines
+    from slam.evaluation.evaluate import evaluate_relations, evaluate_truth, to_lines
     from slam.run_folder import read_landmarks, read_trajectory
 
     if relations is None and truth is None:

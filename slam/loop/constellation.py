@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from features.feature import Corners
 from features.se2 import Array, Pose, transform, wrap_angle
-from slam.metrics import align
+from slam.evaluation.metrics import align
 
 SAME_DISTANCE = 0.3
 """Corners of one passage that are nearer than this, of one kind and signature, are one [m]."""

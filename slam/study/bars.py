@@ -4,7 +4,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from slam.metrics import mean_interval
+from slam.evaluation.metrics import mean_interval
 
 
 @dataclass(frozen=True, slots=True)

@@ -11,7 +11,7 @@ from pydantic import BaseModel, ConfigDict, Field
 
 from features import SensorModel, fit_line, intersect
 from features.se2 import Array
-from slam.metrics import nees
+from slam.evaluation.metrics import nees
 from slam.study.methods import GATE_99, METHODS, Method
 
 

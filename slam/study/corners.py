@@ -25,7 +25,7 @@ from sim import (
     room,
     visible_corners,
 )
-from slam.metrics import nees
+from slam.evaluation.metrics import nees
 from slam.study.methods import METHODS
 
 Environment = Literal["A", "B", "room", "random"]

@@ -13,8 +13,8 @@ from sim import EFFECTS, ODOMETRIES, Lidar, SimulatedRun, Site, find_site, site_
 from slam.config import SlamConfig
 from slam.config_file import load_config
 from slam.errors import StudyError
+from slam.evaluation.metrics import mean_interval
 from slam.filter.ekf import POSE_DIM
-from slam.metrics import mean_interval
 from slam.study.bars import bars, bars_table
 from slam.study.simulated import INSTANTS, simulate
 from slam.study.tasks import Failure

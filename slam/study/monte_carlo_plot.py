@@ -8,7 +8,7 @@ import matplotlib as mpl
 import numpy as np
 from matplotlib.axes import Axes
 
-from slam.metrics import mean_interval
+from slam.evaluation.metrics import mean_interval
 from slam.study.plot import BAND, INK, STYLE, new_figure, save
 
 TEAL, RED, BLUE = "#1b7f79", "#d1495b", "#3a6ea5"

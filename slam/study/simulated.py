@@ -9,9 +9,9 @@ from features.se2 import Array, Pose, between, transform, wrap_angle
 from sim import SimulatedRun
 from slam.config import SlamConfig
 from slam.errors import DivergedError
-from slam.evaluate import evaluate_simulated
+from slam.evaluation.evaluate import evaluate_simulated
+from slam.evaluation.metrics import ate, nees
 from slam.filter.landmark_table import GONE, MERGED
-from slam.metrics import ate, nees
 from slam.pipeline import Slam
 from slam.result.result import LandmarkMap
 from slam.result.trajectory import Trajectory

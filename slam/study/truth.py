@@ -10,10 +10,10 @@ from features.corner import intersect
 from features.feature import Features
 from features.se2 import Array, between, wrap_angle
 from sim import Measurement, World, label_corners
-from slam.evaluate import CORNER_DISTANCE
+from slam.evaluation.evaluate import CORNER_DISTANCE
+from slam.evaluation.metrics import nees
 from slam.filter.association import Association
 from slam.graph.incremental import Closure
-from slam.metrics import nees
 
 Labels = NDArray[np.int64]
 
@@ -100,7 +100,7 @@ def true_corners(world: World, measurement: Measurement, features: Features, pos
 
     Returns
     -------
-    Indices into ``world.corners``, -1 for none within :data:`slam.evaluate.CORNER_DISTANCE`, shape (k,).
+    Indices into ``world.corners``, -1 for none within :data:`slam.evaluation.evaluate.CORNER_DISTANCE`, shape (k,).
     """
     labels = label_corners(world, measurement.wall_ids, positions_world, CORNER_DISTANCE)
     walls = world.corner_walls

@@ -15,7 +15,7 @@ from features.se2 import Array, between, compose
 from features.sensor import Mounting
 from sim.run import room_run
 from slam.config_file import load_config
-from slam.metrics import ate
+from slam.evaluation.metrics import ate
 from slam.pipeline import Slam
 from slam.result.result import SlamResult
 from slam.result.trajectory import Trajectory

@@ -15,7 +15,7 @@ from features.se2 import between, compose, pose, transform
 from features.sensor import Mounting, SensorModel
 from slam.config import SlamConfig, without_identities
 from slam.errors import ConfigError
-from slam.evaluate import evaluate_truth
+from slam.evaluation.evaluate import evaluate_truth
 from slam.filter.association import Gates
 from slam.filter.front_end import FrontEnd, transform_back
 from slam.observed import observed_points

@@ -23,10 +23,10 @@ from sim.worlds import room
 from slam.config import SlamConfig
 from slam.config_file import load_config
 from slam.errors import DivergedError
+from slam.evaluation.metrics import ate, match_landmarks
+from slam.evaluation.relations import Relations, read_relations, relations
 from slam.graph.incremental import LandmarkGraph
-from slam.metrics import ate, match_landmarks
 from slam.pipeline import Slam
-from slam.relations import Relations, read_relations, relations
 from slam.result.result import SlamResult
 from slam.result.trajectory import Trajectory
 from slam.result.trajectory_file import write_tum

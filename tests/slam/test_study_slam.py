@@ -14,10 +14,10 @@ from features import extract, sensor_preset
 from features.se2 import between, pose, transform
 from sim import EFFECTS, Lidar, find_site, room_run, site_run
 from slam.errors import StudyError
-from slam.evaluate import evaluate_simulated
+from slam.evaluation.evaluate import evaluate_simulated
+from slam.evaluation.metrics import ate, mean_interval, nees
 from slam.filter.association import Association, associate
 from slam.graph.incremental import Closure
-from slam.metrics import ate, mean_interval, nees
 from slam.pipeline import Slam
 from slam.result.trajectory import Trajectory
 from slam.study.bars import bars

@@ -17,10 +17,10 @@ from features.se2 import between, compose, pose, wrap_angle
 from sim.run import room_run
 from slam.config import SlamConfig
 from slam.errors import DivergedError
+from slam.evaluation.relations import Relations, read_relations, relations
 from slam.odometry.line_odometry import LineOdometry
 from slam.odometry.registration import Registration
 from slam.parts import line_odometry
-from slam.relations import Relations, read_relations, relations
 from slam.result.trajectory import Trajectory
 
 

@@ -12,7 +12,7 @@ from walks import moved, random_pair
 
 from features.errors import CwlfError
 from features.se2 import between, compose, pose, transform
-from slam.metrics import (
+from slam.evaluation.metrics import (
     UnmatchedError,
     align,
     associate,

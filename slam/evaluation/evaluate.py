@@ -12,8 +12,8 @@ from drivers.open_log import is_recording
 from drivers.recording import Recording
 from features.se2 import Array, Pose, transform
 from sim.world import World
-from slam.metrics import align, ate, match_landmarks, rpe
-from slam.relations import read_relations, relations
+from slam.evaluation.metrics import align, ate, match_landmarks, rpe
+from slam.evaluation.relations import read_relations, relations
 from slam.result.result import SlamResult
 from slam.result.trajectory import Trajectory
 from slam.result.trajectory_file import read_trajectory_file

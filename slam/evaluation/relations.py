@@ -7,7 +7,7 @@ import numpy as np
 
 from features.errors import CwlfError
 from features.se2 import Array
-from slam.metrics import UnmatchedError, magnitudes, motions_between, pose_differences, span
+from slam.evaluation.metrics import UnmatchedError, magnitudes, motions_between, pose_differences, span
 from slam.result.trajectory import Trajectory
 from slam.result.trajectory_file import read_rows
 

@@ -11,7 +11,7 @@ from walks import moved, random_pair
 from drivers.carmen import CarmenLog
 from features.errors import CwlfError
 from features.se2 import between, pose
-from slam.relations import Relations, RelationsFormatError, read_relations, relations
+from slam.evaluation.relations import Relations, RelationsFormatError, read_relations, relations
 from slam.result.trajectory import Trajectory
 
 frames = st.builds(pose, st.floats(-100, 100), st.floats(-100, 100), st.floats(-math.pi, math.pi))
