@@ -226,7 +226,7 @@ def _session(
     with ExitStack() as stack:
         shown = None
         if view or view_file is not None:
-            from slam.live_view import LiveView
+            from slam.pictures.live_view import LiveView
 
             shown = stack.enter_context(closing(LiveView(source.name, slam, view_file)))
 

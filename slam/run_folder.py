@@ -76,7 +76,7 @@ def save_run(folder: str | os.PathLike[str], result: SlamResult, title: str | No
     RunFolderError
         A file cannot be written.
     """
-    from slam.plot import draw_map
+    from slam.pictures.run_map import draw_map
 
     folder = Path(folder)
     config = result.config

@@ -52,7 +52,7 @@ def show(
 ) -> None:
     """Draw a world: walls, corners and the path, where it has one."""
     from sim.sites import find_site
-    from slam.world_plot import draw_world
+    from slam.pictures.world import draw_world
 
     site = find_site(name)
     picture = out or Path("runs") / f"world-{site.name}.png"

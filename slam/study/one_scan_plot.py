@@ -9,7 +9,7 @@ from matplotlib.collections import EllipseCollection
 from features import Features, LaserScan
 from features.se2 import Array
 from slam.errors import RunFolderError
-from slam.plot import ellipses
+from slam.pictures.run_map import ellipses
 from slam.study.one_scan import beams_of_line
 from slam.study.plot import INK, STYLE, new_figure
 

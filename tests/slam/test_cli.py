@@ -15,7 +15,7 @@ import pytest
 from command_line import Call
 from places import DATA
 
-import slam.plot
+import slam.pictures.run_map
 from drivers import CarmenLog, Frame
 from sim.run import SimulatedRun, room_run
 from slam.result.trajectory_file import read_trajectory_file
@@ -298,13 +298,13 @@ def test_ctrl_c_leaves_a_complete_folder_of_what_was_done(
 def test_ctrl_c_while_the_folder_is_written_leaves_it_complete(
     cwlf: Call, room_log: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    draw_map = slam.plot.draw_map
+    draw_map = slam.pictures.run_map.draw_map
 
     def interrupted_drawing(*arguments: Any) -> None:
         signal.raise_signal(signal.SIGINT)
         draw_map(*arguments)
 
-    monkeypatch.setattr(slam.plot, "draw_map", interrupted_drawing)
+    monkeypatch.setattr(slam.pictures.run_map, "draw_map", interrupted_drawing)
     assert cwlf("run", room_log, "--limit", 2, "--out", tmp_path / "run").code == 0
     assert {path.name for path in (tmp_path / "run").iterdir()} == FILES | {"checkpoint"}
     assert signal.getsignal(signal.SIGINT) is signal.default_int_handler

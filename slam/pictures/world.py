@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 from sim.site import Site
 from sim.world import World
 from slam.errors import RunFolderError
-from slam.plot import CONCAVE, INK, PATH, WALL
+from slam.pictures.run_map import CONCAVE, INK, PATH, WALL
 
 GLASS = "#3fa7b5"
 LONGEST = 9.0

@@ -7,7 +7,7 @@ from features.se2 import rotation
 from sim import room_run
 from slam.config_file import load_config
 from slam.errors import ViewError
-from slam.live_view import LiveView, ring
+from slam.pictures.live_view import LiveView, ring
 from slam.pipeline import Slam
 
 
