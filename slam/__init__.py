@@ -10,7 +10,7 @@ if TYPE_CHECKING:
     from slam.pipeline import Slam
     from slam.result.result import LandmarkMap, SlamResult
     from slam.result.trajectory import Trajectory
-    from slam.run_folder import save_run
+    from slam.run.folder import save_run
     from slam.step import Step
 
 __all__ = [
@@ -36,7 +36,7 @@ _HOMES = {
     "ate": "slam.evaluation.metrics",
     "load_config": "slam.config_file",
     "rpe": "slam.evaluation.metrics",
-    "save_run": "slam.run_folder",
+    "save_run": "slam.run.folder",
 }
 
 

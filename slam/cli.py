@@ -89,12 +89,12 @@ def demo(
     from datetime import datetime
 
     from sim.run import room_run
-    from slam.checkpoint import Stand
     from slam.config_file import load_config
     from slam.evaluation.evaluate import evaluate_simulated
     from slam.pipeline import Slam
-    from slam.run_folder import claimed, default_folder
-    from slam.session import Session
+    from slam.run.checkpoint import Stand
+    from slam.run.folder import claimed, default_folder
+    from slam.run.session import Session
 
     source = room_run(seed)
     config = load_config(None, source_preset=source.sensor, source_mounting=source.mounting, seed=seed)
@@ -142,12 +142,12 @@ def run(
 
     from drivers.excerpt import Excerpt
     from drivers.open_log import open_log
-    from slam.checkpoint import Stand, discard_checkpoint, read_checkpoint
     from slam.config import without_identities
     from slam.config_file import check_same, load_config
     from slam.pipeline import Slam
-    from slam.run_folder import claimed, default_folder
-    from slam.session import Session
+    from slam.run.checkpoint import Stand, discard_checkpoint, read_checkpoint
+    from slam.run.folder import claimed, default_folder
+    from slam.run.session import Session
 
     if resume and (out is None or overwrite):
         raise typer.BadParameter("give the stopped run with --out, and no --overwrite", param_hint="--resume")
@@ -201,7 +201,7 @@ def evaluate(
 ) -> None:
     """Compare the trajectory of a run with relations or with a true trajectory."""
     from slam.evaluation.evaluate import evaluate_relations, evaluate_truth, to_lines
-    from slam.run_folder import read_landmarks, read_trajectory
+    from slam.run.folder import read_landmarks, read_trajectory
 
     if relations is None and truth is None:
         raise typer.BadParameter("give --relations FILE or --truth FILE", param_hint="evaluate")

@@ -55,7 +55,7 @@ def emulate(
     from sim.sites import find_site
     from sim.waypoints import read_waypoints
     from slam.errors import ConfigError
-    from slam.interrupt import Interrupt
+    from slam.run.interrupt import Interrupt
 
     site = find_site(world_name)
     waypoints = site.waypoints if path is None else read_waypoints(path)

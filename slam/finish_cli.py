@@ -21,8 +21,8 @@ def save(folder: Path, title: str, result: SlamResult, error: CwlfError | None) 
     CwlfError
         The source broke: its error, with the folder of what came before.
     """
-    from slam.interrupt import Interrupt
-    from slam.run_folder import save_run
+    from slam.run.folder import save_run
+    from slam.run.interrupt import Interrupt
 
     with Interrupt():  # a Ctrl-C that comes now finds the folder complete
         save_run(folder, result, title)

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from drivers.recorder import Recorder
     from drivers.rplidar import Rplidar
     from slam.pipeline import Slam
-    from slam.session import Progress, Session
+    from slam.run.session import Progress, Session
     from slam.step import Step
 
 RECORDING = "recording.jsonl.gz"
@@ -75,9 +75,9 @@ def live(
 
     from drivers.rplidar import RawRecorder, Rplidar
     from slam.config_file import load_config
-    from slam.live_progress import LiveProgress
     from slam.pipeline import Slam
-    from slam.run_folder import claimed, default_folder
+    from slam.run.folder import claimed, default_folder
+    from slam.run.live_progress import LiveProgress
 
     Slam(load_config(config, preset=sensor))  # what is compiled is there before the motor turns
     with Rplidar(port, mode=mode, rpm=rpm, baud=baud) as lidar:
@@ -109,8 +109,8 @@ def record(
     What a killed recording leaves is readable up to its last second.
     """
     from drivers.rplidar import RawRecorder, Rplidar
-    from slam.interrupt import Interrupt
-    from slam.live_progress import LiveProgress
+    from slam.run.interrupt import Interrupt
+    from slam.run.live_progress import LiveProgress
 
     scans, seconds = 0, 0.0
     with Rplidar(port, mode=mode, rpm=rpm, baud=baud, capacity=PATIENT) as lidar:
@@ -159,8 +159,8 @@ def replay(
     from drivers.rplidar import RawRecording
     from drivers.rplidar.raw_recording import has_raw_bytes
     from drivers.stages import Paced
-    from slam.live_progress import LiveProgress
-    from slam.run_folder import claimed, default_folder
+    from slam.run.folder import claimed, default_folder
+    from slam.run.live_progress import LiveProgress
 
     kept = Recording(recording)
     raw = RawRecording(recording) if has_raw_bytes(kept) else None
@@ -220,8 +220,8 @@ def _session(
     view_file: Path | None,
 ) -> Iterator[Session]:
     """Session of a run that may be recorded and watched; the view is complete behind it."""
-    from slam.checkpoint import Stand
-    from slam.session import Session
+    from slam.run.checkpoint import Stand
+    from slam.run.session import Session
 
     with ExitStack() as stack:
         shown = None

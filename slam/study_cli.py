@@ -137,7 +137,7 @@ def timing(
     """Figures 3, 4 and 5: time of a corner against its measurements, step by step; in one process, to measure it."""
     from datetime import datetime
 
-    from slam.run_folder import claimed, default_folder
+    from slam.run.folder import claimed, default_folder
     from slam.study.report import study_timing
     from slam.study.timing import TimingSettings
 

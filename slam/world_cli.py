@@ -100,8 +100,8 @@ def simulate(
     from sim.sites import find_site
     from sim.waypoints import read_waypoints
     from slam.errors import ConfigError
-    from slam.interrupt import Interrupt
-    from slam.progress import RunProgress
+    from slam.run.interrupt import Interrupt
+    from slam.run.progress import RunProgress
 
     try:
         lidar = Lidar.of_preset(sensor, effects=EFFECTS[effects])

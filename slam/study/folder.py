@@ -6,7 +6,7 @@ from datetime import datetime
 from pathlib import Path
 from typing import Any
 
-from slam.run_folder import claimed, default_folder
+from slam.run.folder import claimed, default_folder
 from slam.study.journal import JOURNAL, check_owner, discard, owner_of
 
 

@@ -9,7 +9,7 @@ from typing import Any, Self
 from pydantic import BaseModel
 
 from slam.errors import RunFolderError
-from slam.program import fingerprint
+from slam.run.program import fingerprint
 
 try:
     import fcntl

@@ -7,7 +7,7 @@ from typing import Any
 from distributed import Client
 
 from slam.errors import RunFolderError, StudyError
-from slam.progress import RunProgress
+from slam.run.progress import RunProgress
 from slam.study.bars import bars, bars_table
 from slam.study.consistency import (
     ConsistencySettings,

@@ -20,8 +20,8 @@ from distributed import Client, LocalCluster, Worker, as_completed
 from pydantic import BaseModel
 
 from slam.errors import RunFolderError, StudyError
-from slam.program import fingerprint
-from slam.progress import RunProgress
+from slam.run.program import fingerprint
+from slam.run.progress import RunProgress
 from slam.study.journal import Journal, identity
 
 Work = Callable[[Any, int, int], Any]

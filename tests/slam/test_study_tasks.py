@@ -15,7 +15,7 @@ from pydantic import BaseModel
 
 from slam.cli import main
 from slam.errors import StudyError
-from slam.program import fingerprint
+from slam.run.program import fingerprint
 from slam.study import report, tasks
 from slam.study.journal import JOURNAL, Journal
 from slam.study.monte_carlo import MonteCarloSettings, study_config

@@ -12,7 +12,7 @@ from typing import Any
 
 from slam.errors import RunFolderError
 from slam.pipeline import Slam
-from slam.program import fingerprint
+from slam.run.program import fingerprint
 
 CHECKPOINT = "checkpoint"
 
@@ -40,7 +40,7 @@ class Stand:
     ----------
     log : name of its source.
     records : frames that were processed.
-    digest : of these frames, see :func:`slam.frame_digest.extend_digest`.
+    digest : of these frames, see :func:`slam.run.frame_digest.extend_digest`.
     """
 
     log: str
@@ -114,7 +114,7 @@ def discard_checkpoint(folder: Path) -> None:
 
 
 def _why_none(folder: Path) -> str:
-    from slam.run_folder import METRICS
+    from slam.run.folder import METRICS
 
     if not folder.is_dir():
         return "no such run folder"

@@ -9,13 +9,13 @@ from typing import Protocol, Self
 
 from drivers.frame import Frame, FrameSource
 from features.errors import CwlfError
-from slam.checkpoint import Stand, discard_checkpoint, write_checkpoint
 from slam.errors import DivergedError, RunFolderError
-from slam.frame_digest import extend_digest
-from slam.interrupt import Interrupt
 from slam.pipeline import Slam
-from slam.progress import RunProgress
 from slam.result.result import SlamResult
+from slam.run.checkpoint import Stand, discard_checkpoint, write_checkpoint
+from slam.run.frame_digest import extend_digest
+from slam.run.interrupt import Interrupt
+from slam.run.progress import RunProgress
 from slam.step import Step
 
 LEAST_INTERVAL_S = 10.0

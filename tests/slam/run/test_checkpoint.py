@@ -17,17 +17,17 @@ import pytest
 from command_line import Call
 from places import DATA
 
-import slam.checkpoint
+import slam.run.checkpoint
 from drivers import CarmenLog, Frame
 from features import LaserScan
 from sim.run import room_run
-from slam.checkpoint import CHECKPOINT, Stand, read_checkpoint, write_checkpoint
 from slam.config import SlamConfig
 from slam.config_file import load_config
 from slam.errors import RunFolderError
-from slam.frame_digest import extend_digest
 from slam.pipeline import Slam
 from slam.result.trajectory_file import write_tum
+from slam.run.checkpoint import CHECKPOINT, Stand, read_checkpoint, write_checkpoint
+from slam.run.frame_digest import extend_digest
 
 RECORDS = 1600
 
@@ -207,7 +207,7 @@ def test_the_command_goes_on_after_a_limit_to_the_same_files(
 
 KILLED = """
 import os, signal, sys
-import slam.session as session
+import slam.run.session as session
 session.LEAST_INTERVAL_S = session.LEAST_SHARE = 0.0
 write, count = session.write_checkpoint, 0
 def write_and_die(*arguments):
@@ -278,7 +278,7 @@ def other_config(stopped: Path, log: Path, monkeypatch: pytest.MonkeyPatch) -> l
 
 
 def other_version(stopped: Path, log: Path, monkeypatch: pytest.MonkeyPatch) -> list[object]:
-    monkeypatch.setattr(slam.checkpoint, "fingerprint", lambda: "another")
+    monkeypatch.setattr(slam.run.checkpoint, "fingerprint", lambda: "another")
     return [log]
 
 
