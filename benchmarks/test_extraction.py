@@ -13,7 +13,7 @@ from features.se2 import pose
 from features.sensor import sensor_preset
 from sim.lidar import Lidar
 from sim.worlds import room
-from slam.study.timing_kernels import polar_line_literal
+from slam.study.paper.timing_kernels import polar_line_literal
 
 PRESETS = {920: "rplidar-s1", 180: "sick-lms"}
 

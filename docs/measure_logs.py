@@ -12,7 +12,7 @@ import sys
 from pathlib import Path
 
 from slam.study.output import markdown_table
-from slam.study.page import fill
+from slam.study.paper.page import fill
 
 ROOT = Path(__file__).parents[1]
 DATA = Path(os.environ.get("CWLF_DATA", ROOT / ".." / "shared" / "data"))

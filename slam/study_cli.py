@@ -55,7 +55,7 @@ def corners(
     overwrite: Overwrite = False,
 ) -> None:
     """Tables I and II: claimed uncertainty of each corner beside its true error, by each method."""
-    from slam.study.corners import CornerSettings
+    from slam.study.paper.corners import CornerSettings
     from slam.study.report import study_corners
 
     settings = CornerSettings(environment=environment, scans=scans, sigma_range_mm=sigma_range_mm, seed=seed)
@@ -73,7 +73,7 @@ def consistency(
     overwrite: Overwrite = False,
 ) -> None:
     """Where each covariance holds: NEES/2 and bias over noise, incidence, points, angle and distance."""
-    from slam.study.consistency import ConsistencySettings
+    from slam.study.paper.consistency import ConsistencySettings
     from slam.study.report import study_consistency
 
     settings = ConsistencySettings(trials=trials, seed=seed)
@@ -103,7 +103,7 @@ def slam(
     overwrite: Overwrite = False,
 ) -> None:
     """Run the whole pipeline on simulated runs: errors, NEES, NIS, associations and duplicates against the truth."""
-    from slam.study.monte_carlo import MonteCarloSettings, simulated_run, study_config
+    from slam.study.monte_carlo.runs import MonteCarloSettings, simulated_run, study_config
     from slam.study.report import failed, study_slam
 
     settings = MonteCarloSettings(
@@ -138,8 +138,8 @@ def timing(
     from datetime import datetime
 
     from slam.run.folder import claimed, default_folder
+    from slam.study.paper.timing import TimingSettings
     from slam.study.report import study_timing
-    from slam.study.timing import TimingSettings
 
     settings = TimingSettings(repeats=repeats, sigma_range_mm=sigma_range_mm, seed=seed)
     with claimed(out or default_folder("timing", datetime.now()), overwrite=overwrite) as folder:
@@ -154,7 +154,7 @@ def paper(
     workers: Workers = None,
 ) -> None:
     """Run the studies of the paper and put their tables and pictures into docs/paper.md."""
-    from slam.study.page import make_page
+    from slam.study.paper.page import make_page
 
     _check(scheduler, workers)
     with _interruptible():
@@ -168,7 +168,7 @@ def scaling(
     out: Annotated[Path, typer.Option("--out", help="Folder for what is timed.")] = Path("runs/scaling"),
 ) -> None:
     """Time the runs of `study slam` on one worker and on all cores, and put the figures into docs/scaling.md."""
-    from slam.study.scaling import make_scaling_page
+    from slam.study.monte_carlo.scaling import make_scaling_page
 
     typer.echo("\n".join(make_scaling_page(docs, out, rounds)))
 
@@ -192,14 +192,14 @@ def extract_scan(
     """Show the lines and corners of one scan of a log."""
     from drivers.open_log import open_log
     from slam.config_file import load_config
-    from slam.study.one_scan import feature_lines, scan_features
+    from slam.study.paper.one_scan import feature_lines, scan_features
 
     source = open_log(log, scan_topic=scan_topic, odom_topic=odom_topic)
     effective = load_config(config, preset=sensor, source_preset=source.sensor, source_mounting=source.mounting)
     taken, features = scan_features(source, scan, effective)
     typer.echo("\n".join(feature_lines(taken, features)))
     if plot is not None:
-        from slam.study.one_scan_plot import draw_scan
+        from slam.study.paper.one_scan_plot import draw_scan
 
         draw_scan(plot, f"{source.name}, scan {scan}", taken, features, effective.sensor.range_max_m)
         typer.echo(f"picture: {plot}")
@@ -216,9 +216,9 @@ def _begun(
     workers: int | None,
 ) -> Iterator[tuple[Client, Path]]:
     """Workers and folder of a study; its finished tasks stay in the folder unless it comes to its end."""
-    from slam.study.folder import study_folder
-    from slam.study.journal import discard, identity
-    from slam.study.tasks import pool
+    from slam.study.tasks.folder import study_folder
+    from slam.study.tasks.journal import discard, identity
+    from slam.study.tasks.run import pool
 
     _check(scheduler, workers)
     owner = identity(kind, settings)

@@ -8,19 +8,8 @@ from distributed import Client
 
 from slam.errors import RunFolderError, StudyError
 from slam.run.progress import RunProgress
-from slam.study.bars import bars, bars_table
-from slam.study.consistency import (
-    ConsistencySettings,
-    consistency_lines,
-    consistency_rows,
-    consistency_summary,
-    scene_task,
-    scenes,
-)
-from slam.study.corner_table import corner_rows, summarise, summary_lines
-from slam.study.corners import CornerSettings, gather, scan_task, task_count
-from slam.study.methods import METHODS
-from slam.study.monte_carlo import (
+from slam.study.monte_carlo.bars import bars, bars_table
+from slam.study.monte_carlo.runs import (
     MonteCarloSettings,
     consistency_table,
     monte_carlo_lines,
@@ -31,8 +20,19 @@ from slam.study.monte_carlo import (
     run_task,
 )
 from slam.study.output import markdown_table, write_csv, write_json, write_settings, write_text
-from slam.study.tasks import FAILURES, Failure, Outcome, run_tasks
-from slam.study.timing import TimingSettings, figure_3_rows, step_rows, timing_lines, uncertainty_rows
+from slam.study.paper.consistency import (
+    ConsistencySettings,
+    consistency_lines,
+    consistency_rows,
+    consistency_summary,
+    scene_task,
+    scenes,
+)
+from slam.study.paper.corner_table import corner_rows, summarise, summary_lines
+from slam.study.paper.corners import CornerSettings, gather, scan_task, task_count
+from slam.study.paper.methods import METHODS
+from slam.study.paper.timing import TimingSettings, figure_3_rows, step_rows, timing_lines, uncertainty_rows
+from slam.study.tasks.run import FAILURES, Failure, Outcome, run_tasks
 
 
 def study_corners(client: Client, folder: Path, settings: CornerSettings) -> list[str]:
@@ -45,7 +45,7 @@ def study_corners(client: Client, folder: Path, settings: CornerSettings) -> lis
     StudyError
         A task failed; the others are done.
     """
-    from slam.study.plot import draw_corners
+    from slam.study.paper.plot import draw_corners
 
     outcome = run_tasks(client, folder, "corners", settings, scan_task, task_count(settings))
     seen, found = gather(settings, _all_results(folder, outcome))
@@ -68,7 +68,7 @@ def study_consistency(client: Client, folder: Path, settings: ConsistencySetting
     StudyError
         A task failed; the others are done.
     """
-    from slam.study.plot import draw_consistency
+    from slam.study.paper.plot import draw_consistency
 
     count = len(list(scenes(settings)))
     outcome = run_tasks(client, folder, "consistency", settings, scene_task, count)
@@ -97,7 +97,7 @@ def study_slam(client: Client, folder: Path, settings: MonteCarloSettings) -> tu
     StudyError
         All runs failed.
     """
-    from slam.study.monte_carlo_plot import draw_monte_carlo
+    from slam.study.monte_carlo.plot import draw_monte_carlo
 
     outcome = run_tasks(client, folder, "slam", settings, run_task, settings.seeds)
     if not outcome.results:
@@ -141,7 +141,7 @@ def study_timing(folder: Path, settings: TimingSettings) -> list[str]:
     RunFolderError
         A file cannot be written.
     """
-    from slam.study.plot import draw_figure_3, draw_steps
+    from slam.study.paper.plot import draw_figure_3, draw_steps
 
     with RunProgress("timing") as progress:
         curve = figure_3_rows(settings, lambda share, count: progress.update(0.6 * share, count))

@@ -11,9 +11,9 @@ from distributed import Client
 from features.se2 import pose
 from sim import Lidar, SimulatedRun, room, room_run
 from slam.errors import DivergedError
-from slam.study import simulated
-from slam.study.monte_carlo import study_config
-from slam.study.tasks import task_seed
+from slam.study.monte_carlo import simulated
+from slam.study.monte_carlo.runs import study_config
+from slam.study.tasks.run import task_seed
 
 
 @pytest.fixture
@@ -56,7 +56,7 @@ def test_a_scheduler_has_its_own_workers(cwlf: Call) -> None:
 
 
 def test_a_scheduler_that_is_not_there_is_one_line(cwlf: Call, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("slam.study.tasks.CONNECT_S", 0.1)
+    monkeypatch.setattr("slam.study.tasks.run.CONNECT_S", 0.1)
     code, _, err = cwlf("study", "consistency", "--scheduler", "tcp://127.0.0.1:9", "--out", tmp_path / "study")
     assert code == 1
     assert err.startswith("cwlf-slam: no dask scheduler answers at tcp://127.0.0.1:9")
@@ -99,7 +99,7 @@ def test_a_run_that_fails_is_told_and_the_others_are_summarised(
 
     lost = room_run(task_seed(1, 1)).poses_odom_robot[-1].tolist()
     done = simulated.simulate(room_run(1), study_config(), 5)
-    monkeypatch.setattr("slam.study.monte_carlo.simulate", simulate)
+    monkeypatch.setattr("slam.study.monte_carlo.runs.simulate", simulate)
     folder = tmp_path / "study"
     code, out, err = cwlf("study", "slam", "--seeds", 3, "--out", folder, "--scheduler", client.scheduler.address)
     assert code == 1

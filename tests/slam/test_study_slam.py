@@ -20,8 +20,8 @@ from slam.filter.association import Association, associate
 from slam.graph.incremental import Closure
 from slam.pipeline import Slam
 from slam.result.trajectory import Trajectory
-from slam.study.bars import bars
-from slam.study.monte_carlo import (
+from slam.study.monte_carlo.bars import bars
+from slam.study.monte_carlo.runs import (
     MonteCarloSettings,
     monte_carlo_lines,
     monte_carlo_summary,
@@ -31,9 +31,9 @@ from slam.study.monte_carlo import (
     simulated_run,
     study_config,
 )
-from slam.study.simulated import INSTANTS, simulate
-from slam.study.tasks import Failure
-from slam.study.truth import AssociationScore, ClosureScore, true_corners
+from slam.study.monte_carlo.simulated import INSTANTS, simulate
+from slam.study.monte_carlo.truth import AssociationScore, ClosureScore, true_corners
+from slam.study.tasks.run import Failure
 
 CONFIG = study_config()
 SCANS = 60

@@ -10,8 +10,8 @@ from features import Features, LaserScan
 from features.se2 import Array
 from slam.errors import RunFolderError
 from slam.pictures.run_map import ellipses
-from slam.study.one_scan import beams_of_line
-from slam.study.plot import INK, STYLE, new_figure
+from slam.study.paper.one_scan import beams_of_line
+from slam.study.paper.plot import INK, STYLE, new_figure
 
 CYCLE = ("#1b7f79", "#3a6ea5", "#e9a23b", "#8e5ea2", "#5b8c3a", "#c0673a", "#4f9fc7", "#b0457b")
 SIGMAS = 3.0

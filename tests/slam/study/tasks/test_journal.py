@@ -9,8 +9,8 @@ import pytest
 from pydantic import BaseModel
 
 from slam.errors import RunFolderError
-from slam.study.folder import study_folder
-from slam.study.journal import JOURNAL, Journal, identity, owner_of
+from slam.study.tasks.folder import study_folder
+from slam.study.tasks.journal import JOURNAL, Journal, identity, owner_of
 
 
 class Settings(BaseModel):

@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 from distributed import Client
 
-from slam.study.corner_table import PAPER_MEANS_MM, corner_rows, summarise, summary_lines
-from slam.study.corners import CornerSettings, Found, Seen, gather, scan_task, task_count
-from slam.study.methods import METHODS
+from slam.study.paper.corner_table import PAPER_MEANS_MM, corner_rows, summarise, summary_lines
+from slam.study.paper.corners import CornerSettings, Found, Seen, gather, scan_task, task_count
+from slam.study.paper.methods import METHODS
 from slam.study.report import study_corners
-from slam.study.tasks import task_seed
+from slam.study.tasks.run import task_seed
 
 KEYS = [method.key for method in METHODS]
 EVERYWHERE = [(environment, sigma) for environment in ("A", "B", "random") for sigma in (10.0, 20.0)]

@@ -15,7 +15,7 @@ from slam.filter.landmark_table import GONE, MERGED
 from slam.pipeline import Slam
 from slam.result.result import LandmarkMap
 from slam.result.trajectory import Trajectory
-from slam.study.truth import AssociationScore, ClosureScore, true_corners
+from slam.study.monte_carlo.truth import AssociationScore, ClosureScore, true_corners
 
 INSTANTS = 20
 """A run is held against its truth so many times, at equal intervals, the last time at its end."""

@@ -17,10 +17,10 @@ from sim import (
     visible_corners,
     visible_sections,
 )
-from slam.study import timing_kernels as kernels
-from slam.study.consistency import Scene, measure, noisy_walls
-from slam.study.corners import SHOWN
-from slam.study.methods import METHODS
+from slam.study.paper import timing_kernels as kernels
+from slam.study.paper.consistency import Scene, measure, noisy_walls
+from slam.study.paper.corners import SHOWN
+from slam.study.paper.methods import METHODS
 
 FORMS: Mapping[str, tuple[str, int]] = {
     "cwlf": ("CWLF", kernels.CWLF),

@@ -15,11 +15,11 @@ from distributed import Client
 from pydantic import BaseModel, ConfigDict
 
 from slam.errors import RunFolderError, StudyError
-from slam.study.journal import discard
-from slam.study.monte_carlo import MonteCarloSettings, run_task, study_config
+from slam.study.monte_carlo.runs import MonteCarloSettings, run_task, study_config
 from slam.study.output import markdown_table
-from slam.study.page import fill
-from slam.study.tasks import pool, run_tasks, task_seed
+from slam.study.paper.page import fill
+from slam.study.tasks.journal import discard
+from slam.study.tasks.run import pool, run_tasks, task_seed
 
 EMPTY_TASKS = 1000
 """Tasks that do nothing, to measure what a task costs beside its work."""

@@ -47,7 +47,7 @@ _VERDICTS = {True: "holds", False: "MISSED"}
 
 
 def bars(summary: Mapping[str, Any]) -> list[Bar]:
-    """Figures of :func:`slam.study.monte_carlo.monte_carlo_summary` with what is asked of each."""
+    """Figures of :func:`slam.study.monte_carlo.runs.monte_carlo_summary` with what is asked of each."""
     figures, nees = summary["figures"], summary["nees"]
 
     def figure(name: str, key: str) -> float | None:

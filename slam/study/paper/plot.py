@@ -10,9 +10,9 @@ from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
-from slam.study.consistency import MAP, MAP_INCIDENCES_DEG, MAP_SIGMAS_MM, SWEEPS, ConsistencySettings
-from slam.study.corner_table import LABELS
-from slam.study.timing import FIGURE_COUNTS, FORMS, STEPS
+from slam.study.paper.consistency import MAP, MAP_INCIDENCES_DEG, MAP_SIGMAS_MM, SWEEPS, ConsistencySettings
+from slam.study.paper.corner_table import LABELS
+from slam.study.paper.timing import FIGURE_COUNTS, FORMS, STEPS
 
 INK, GRID, BAND = "#22272e", "#e3e6ea", "#dcefe0"
 COLORS: Mapping[str, str] = {
@@ -69,7 +69,7 @@ def draw_corners(path: Path, summary: Mapping[str, Any], rows: Rows) -> None:
     Parameters
     ----------
     path : PNG file to write.
-    summary, rows : of :mod:`slam.study.corner_table`; more than one world is drawn by worlds.
+    summary, rows : of :mod:`slam.study.paper.corner_table`; more than one world is drawn by worlds.
     """
     shown = ("cwlf-paper", "arras-siegwart", "effective-variance")
     worlds = len({row["world"] for row in rows})
@@ -129,7 +129,7 @@ def draw_consistency(path: Path, settings: ConsistencySettings, rows: Rows) -> N
     Parameters
     ----------
     path : PNG file to write.
-    settings, rows : of :mod:`slam.study.consistency`.
+    settings, rows : of :mod:`slam.study.paper.consistency`.
     """
     with mpl.rc_context(STYLE):
         figure = new_figure(13.0, 13.6)

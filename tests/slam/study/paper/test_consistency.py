@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 from distributed import Client
 
-from slam.study.consistency import (
+from slam.study.output import write_csv
+from slam.study.paper.consistency import (
     SWEEPS,
     ConsistencySettings,
     Scene,
@@ -16,10 +17,9 @@ from slam.study.consistency import (
     scene_task,
     scenes,
 )
-from slam.study.methods import METHODS, Method
-from slam.study.output import write_csv
+from slam.study.paper.methods import METHODS, Method
 from slam.study.report import study_consistency
-from slam.study.tasks import task_seed
+from slam.study.tasks.run import task_seed
 
 QUIET = Scene(1e-9, 1e-9, 0.391, 2.0, 4.0, 90.0, 30.0)
 

@@ -12,15 +12,15 @@ from distributed import Client
 from pydantic import BaseModel
 
 from slam.errors import RunFolderError
-from slam.study.consistency import ConsistencySettings
-from slam.study.corner_table import LABELS
-from slam.study.corners import CornerSettings
-from slam.study.folder import study_folder
-from slam.study.journal import JOURNAL, identity
 from slam.study.output import markdown_table
+from slam.study.paper.consistency import ConsistencySettings
+from slam.study.paper.corner_table import LABELS
+from slam.study.paper.corners import CornerSettings
+from slam.study.paper.timing import FORMS, STEPS, TimingSettings
 from slam.study.report import study_consistency, study_corners, study_timing
-from slam.study.tasks import pool
-from slam.study.timing import FORMS, STEPS, TimingSettings
+from slam.study.tasks.folder import study_folder
+from slam.study.tasks.journal import JOURNAL, identity
+from slam.study.tasks.run import pool
 
 SIGMAS_MM = 10.0, 20.0, 50.0
 PICTURES = {
@@ -39,7 +39,7 @@ def make_page(docs: Path, runs: Path, scheduler: str | None = None, workers: int
     Parameters
     ----------
     docs, runs : folders.
-    scheduler, workers : see :func:`slam.study.tasks.pool`; times are measured in this process, with no worker beside.
+    scheduler, workers : see :func:`slam.study.tasks.run.pool`; times are measured in this process, with no worker beside.
 
     Raises
     ------

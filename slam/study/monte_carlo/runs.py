@@ -15,9 +15,9 @@ from slam.config_file import load_config
 from slam.errors import StudyError
 from slam.evaluation.metrics import mean_interval
 from slam.filter.ekf import POSE_DIM
-from slam.study.bars import bars, bars_table
-from slam.study.simulated import INSTANTS, simulate
-from slam.study.tasks import Failure
+from slam.study.monte_carlo.bars import bars, bars_table
+from slam.study.monte_carlo.simulated import INSTANTS, simulate
+from slam.study.tasks.run import Failure
 
 SENSOR = "rplidar-s1"
 """Preset of the sensor that the robot of a study carries."""
@@ -105,7 +105,7 @@ def simulated_run(settings: MonteCarloSettings, seed: int) -> SimulatedRun:
 
 
 def run_task(settings: MonteCarloSettings, task: int, seed: int) -> dict[str, Any]:
-    """Do one run; see :func:`slam.study.simulated.simulate`."""
+    """Do one run; see :func:`slam.study.monte_carlo.simulated.simulate`."""
     result = simulate(simulated_run(settings, seed), settings.config, settings.scans)
     return result | {"row": {"run": task, "seed": seed} | result["row"]}
 

@@ -22,7 +22,7 @@ from pydantic import BaseModel
 from slam.errors import RunFolderError, StudyError
 from slam.run.program import fingerprint
 from slam.run.progress import RunProgress
-from slam.study.journal import Journal, identity
+from slam.study.tasks.journal import Journal, identity
 
 Work = Callable[[Any, int, int], Any]
 """A task: settings, number of the task and its seed to what it yields, in terms of JSON."""
@@ -130,7 +130,7 @@ def run_tasks(client: Client, folder: Path, study: str, settings: BaseModel, wor
     Raises
     ------
     RunFolderError
-        See :class:`slam.study.journal.Journal`.
+        See :class:`slam.study.tasks.journal.Journal`.
     StudyError
         The scheduler is lost.
     """

@@ -12,7 +12,7 @@ from pydantic import BaseModel, ConfigDict, Field
 from features import SensorModel, fit_line, intersect
 from features.se2 import Array
 from slam.evaluation.metrics import nees
-from slam.study.methods import GATE_99, METHODS, Method
+from slam.study.paper.methods import GATE_99, METHODS, Method
 
 
 class ConsistencySettings(BaseModel):

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from slam.run.folder import claimed, default_folder
-from slam.study.journal import JOURNAL, check_owner, discard, owner_of
+from slam.study.tasks.journal import JOURNAL, check_owner, discard, owner_of
 
 
 @contextmanager
@@ -17,7 +17,7 @@ def study_folder(name: str, owner: Mapping[str, Any], out: Path | None, *, overw
     Parameters
     ----------
     name : of the study, for the default folder.
-    owner : see :func:`slam.study.journal.identity`.
+    owner : see :func:`slam.study.tasks.journal.identity`.
     out : folder; by default the newest of ``runs/<name>-<date>`` that holds tasks of the same study, or a new one.
     overwrite : write into a folder although it holds something else.
 

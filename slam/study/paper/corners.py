@@ -26,7 +26,7 @@ from sim import (
     visible_corners,
 )
 from slam.evaluation.metrics import nees
-from slam.study.methods import METHODS
+from slam.study.paper.methods import METHODS
 
 Environment = Literal["A", "B", "room", "random"]
 

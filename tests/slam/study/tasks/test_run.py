@@ -16,10 +16,11 @@ from pydantic import BaseModel
 from slam.cli import main
 from slam.errors import StudyError
 from slam.run.program import fingerprint
-from slam.study import report, tasks
-from slam.study.journal import JOURNAL, Journal
-from slam.study.monte_carlo import MonteCarloSettings, study_config
-from slam.study.tasks import FAILURES, Outcome, pool, run_tasks, task_seed
+from slam.study import report
+from slam.study.monte_carlo.runs import MonteCarloSettings, study_config
+from slam.study.tasks import run as tasks
+from slam.study.tasks.journal import JOURNAL, Journal
+from slam.study.tasks.run import FAILURES, Outcome, pool, run_tasks, task_seed
 
 SMALL = ("--seeds", "5", "--limit", "12", "--seed", "3")
 """A study slam of a second or so; what is below makes its settings without the command line."""
@@ -156,7 +157,7 @@ def test_a_worker_killed_changes_nothing(
 KILLED = """
 import os, signal, sys
 from slam.cli import main
-from slam.study.journal import Journal
+from slam.study.tasks.journal import Journal
 
 add = Journal.add
 

@@ -6,8 +6,8 @@ from typing import Any
 import numpy as np
 
 from features.se2 import Array
-from slam.study.corners import CornerSettings, Found, Seen
-from slam.study.methods import GATE_99, METHODS
+from slam.study.paper.corners import CornerSettings, Found, Seen
+from slam.study.paper.methods import GATE_99, METHODS
 
 PAPER_MEANS_MM: Mapping[str, Mapping[str, tuple[float, float]]] = {
     "A": {"cwlf-paper": (23.02, 18.27), "arras-siegwart": (33.68, 27.98)},

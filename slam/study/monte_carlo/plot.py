@@ -9,7 +9,7 @@ import numpy as np
 from matplotlib.axes import Axes
 
 from slam.evaluation.metrics import mean_interval
-from slam.study.plot import BAND, INK, STYLE, new_figure, save
+from slam.study.paper.plot import BAND, INK, STYLE, new_figure, save
 
 TEAL, RED, BLUE = "#1b7f79", "#d1495b", "#3a6ea5"
 Rows = Sequence[Mapping[str, Any]]
@@ -21,7 +21,7 @@ def draw_monte_carlo(path: Path, summary: Mapping[str, Any], rows: Rows, traces:
     Parameters
     ----------
     path : PNG file to write.
-    summary, rows, traces : of :mod:`slam.study.monte_carlo`.
+    summary, rows, traces : of :mod:`slam.study.monte_carlo.runs`.
     """
     with mpl.rc_context(STYLE):
         figure = new_figure(12.0, 7.6)

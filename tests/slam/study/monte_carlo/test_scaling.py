@@ -8,8 +8,8 @@ from distributed import Client
 from hypothesis import given
 from hypothesis import strategies as st
 
-from slam.study import scaling
-from slam.study.scaling import Costs, Round, make_scaling_page, nothing
+from slam.study.monte_carlo import scaling
+from slam.study.monte_carlo.scaling import Costs, Round, make_scaling_page, nothing
 
 
 @given(

@@ -1,0 +1,1 @@
+"""The whole pipeline over many simulated runs: accuracy, consistency, and how it scales with workers."""

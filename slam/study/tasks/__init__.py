@@ -1,0 +1,1 @@
+"""Tasks of a study: seeded, run on dask workers, journaled, and resumed."""
