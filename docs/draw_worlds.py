@@ -54,7 +54,7 @@ def drive_and_map(folder: Path, world: Path, path: Path) -> None:
 
 def command(*arguments: object) -> None:
     """Run a command of cwlf-slam."""
-    subprocess.run([sys.executable, "-m", "slam.cli", *map(str, arguments)], check=True)
+    subprocess.run([sys.executable, "-m", "slam.cli.main", *map(str, arguments)], check=True)
 
 
 main()

@@ -87,7 +87,9 @@ def error(measured: str, report: dict[str, dict[str, float]]) -> str:
 
 def command(*arguments: object) -> str:
     """Run a command of cwlf-slam; what it says."""
-    said = subprocess.run([sys.executable, "-m", "slam.cli", *map(str, arguments)], check=True, stdout=subprocess.PIPE)
+    said = subprocess.run(
+        [sys.executable, "-m", "slam.cli.main", *map(str, arguments)], check=True, stdout=subprocess.PIPE
+    )
     return said.stdout.decode()
 
 

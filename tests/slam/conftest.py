@@ -7,7 +7,7 @@ import pytest
 from command_line import Call, Outcome
 from distributed import Client, LocalCluster
 
-from slam.cli import main
+from slam.cli.main import main
 
 
 @pytest.fixture

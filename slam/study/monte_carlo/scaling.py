@@ -130,7 +130,7 @@ def _command_s(folder: Path) -> float:
     """Time of a command with a task of next to nothing, from the start of Python to the last picture [s]."""
     discard(folder)
     began = time.monotonic()
-    command = [sys.executable, "-m", "slam.cli", "study", "slam", "--seeds", "1", "--limit", "1", "--workers", "1"]
+    command = [sys.executable, "-m", "slam.cli.main", "study", "slam", "--seeds", "1", "--limit", "1", "--workers", "1"]
     ended = subprocess.run([*command, "--out", folder, "--overwrite"], stdout=subprocess.DEVNULL, check=False)
     if ended.returncode:
         raise StudyError(f"the study in {folder} failed; what it said is above")

@@ -217,7 +217,7 @@ def write_and_die(*arguments):
     if count == 333:
         os.kill(os.getpid(), signal.SIGKILL)
 session.write_checkpoint = write_and_die
-from slam.cli import main
+from slam.cli.main import main
 main()
 """
 

@@ -13,7 +13,7 @@ from distributed import Client
 from places import ROOT
 from pydantic import BaseModel
 
-from slam.cli import main
+from slam.cli.main import main
 from slam.errors import StudyError
 from slam.run.program import fingerprint
 from slam.study import report
@@ -156,7 +156,7 @@ def test_a_worker_killed_changes_nothing(
 
 KILLED = """
 import os, signal, sys
-from slam.cli import main
+from slam.cli.main import main
 from slam.study.tasks.journal import Journal
 
 add = Journal.add

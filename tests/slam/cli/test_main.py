@@ -215,7 +215,7 @@ def test_a_truncated_last_line_costs_that_line_only(cwlf: Call, tmp_path: Path) 
     log = tmp_path / "cut.log"
     log.write_text("\n".join([*good, SCAN.format(x=1, stamp=3.0)[:25]]))
     process = subprocess.run(
-        [sys.executable, "-m", "slam.cli", "run", str(log), "--out", str(tmp_path / "run")],
+        [sys.executable, "-m", "slam.cli.main", "run", str(log), "--out", str(tmp_path / "run")],
         capture_output=True,
         text=True,
         check=False,
@@ -255,7 +255,7 @@ def test_config_prints_toml_that_config_reads(cwlf: Call, tmp_path: Path) -> Non
 
 def test_help_imports_nothing_heavy() -> None:
     code = (
-        "import sys\nsys.argv = ['cwlf-slam', '--help']\nfrom slam.cli import main\n"
+        "import sys\nsys.argv = ['cwlf-slam', '--help']\nfrom slam.cli.main import main\n"
         "try:\n    main()\nexcept SystemExit:\n    pass\n"
         "print(sorted({'numpy', 'numba', 'scipy', 'gtsam', 'matplotlib', 'pydantic', 'filterpy'} & set(sys.modules)))"
     )
@@ -314,7 +314,11 @@ def test_ctrl_c_while_the_folder_is_written_leaves_it_complete(
 def test_output_that_cannot_be_written_is_one_line() -> None:
     with open("/dev/full", "w") as full:
         process = subprocess.run(
-            [sys.executable, "-m", "slam.cli", "config"], stdout=full, stderr=subprocess.PIPE, text=True, check=False
+            [sys.executable, "-m", "slam.cli.main", "config"],
+            stdout=full,
+            stderr=subprocess.PIPE,
+            text=True,
+            check=False,
         )
     assert process.returncode == 1
     assert process.stderr.splitlines() == ["cwlf-slam: [Errno 28] No space left on device"]

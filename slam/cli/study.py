@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
-from slam.cli_options import LOG, OdomTopic, ScanTopic
-from slam.world_cli import EffectsOption, OdometryOption, People
+from slam.cli.options import LOG, OdomTopic, ScanTopic
+from slam.cli.world import EffectsOption, OdometryOption, People
 
 if TYPE_CHECKING:
     from distributed import Client

@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from slam.cli_options import Config, Out, Overwrite, Sensor
-from slam.finish_cli import leave, save
+from slam.cli.finish import leave, save
+from slam.cli.options import Config, Out, Overwrite, Sensor
 
 if TYPE_CHECKING:
     from collections.abc import Iterator

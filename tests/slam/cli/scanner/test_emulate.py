@@ -13,7 +13,7 @@ from command_line import Call
 from drivers.rplidar import Command
 from drivers.rplidar.requests import express_scan, request
 from sim.emulator.terminal import Terminal
-from slam.emulate_cli import _laps
+from slam.cli.scanner.emulate import _laps
 
 
 def test_ctrl_c_ends_it_with_the_books_and_the_truth(

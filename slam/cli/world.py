@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
-from slam.cli_options import LOG, OdomTopic, ScanTopic
+from slam.cli.options import LOG, OdomTopic, ScanTopic
 
 if TYPE_CHECKING:
     from sim.site import Site

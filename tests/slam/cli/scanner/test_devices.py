@@ -12,7 +12,7 @@ from sim.emulator.terminal import Terminal
 from sim.lidar import Lidar
 from sim.robot import Trajectory
 from sim.worlds import room
-from slam.cli import main
+from slam.cli.main import main
 
 
 @pytest.fixture

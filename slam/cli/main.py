@@ -11,13 +11,13 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
-from slam.cli_options import LOG, Config, OdomTopic, Out, Overwrite, ScanTopic, Sensor
-from slam.device_cli import devices
-from slam.emulate_cli import emulate
-from slam.finish_cli import leave, save
-from slam.live_cli import live, record, replay
-from slam.study_cli import extract_scan, study
-from slam.world_cli import export, simulate, world
+from slam.cli.finish import leave, save
+from slam.cli.options import LOG, Config, OdomTopic, Out, Overwrite, ScanTopic, Sensor
+from slam.cli.scanner.devices import devices
+from slam.cli.scanner.emulate import emulate
+from slam.cli.scanner.live import live, record, replay
+from slam.cli.study import extract_scan, study
+from slam.cli.world import export, simulate, world
 
 if TYPE_CHECKING:
     from slam.config import SlamConfig

@@ -1,0 +1,1 @@
+"""The command ``cwlf-slam``: one module a command. The room alone reads arguments and exits."""

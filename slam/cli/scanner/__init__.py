@@ -1,0 +1,1 @@
+"""Commands about scanners: list, emulate, record, replay, and map live."""
