@@ -8,7 +8,7 @@ import pytest
 from features.config import METHODS, ExtractionConfig
 from features.extract import extract
 from features.feature import LINE_RECORD
-from features.fit_kernels import fit_kernel
+from features.fitting.fit_kernels import fit_kernel
 from features.se2 import pose
 from features.sensor import sensor_preset
 from sim.lidar import Lidar

@@ -1,11 +1,11 @@
 """Lines and corners of 2D laser scans, with covariances (CWLF)."""
 
 from features.config import ExtractionConfig
-from features.corner import intersect
 from features.errors import CwlfError, DegenerateSegmentError, ScanFormatError
 from features.extract import extract
 from features.feature import Corner, Corners, Features, Line, LineForm, Lines
-from features.line_fit import fit_cwlf, fit_line
+from features.fitting.corner import intersect
+from features.fitting.line_fit import fit_cwlf, fit_line
 from features.scan import LaserScan
 from features.sensor import SENSOR_PRESETS, Mounting, SensorModel, sensor_preset
 

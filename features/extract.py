@@ -7,15 +7,15 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from features.beams import gather_returns, to_cartesian
-from features.breaks import fit_rough, meet_at, trim_ends, walls_meet
 from features.config import ExtractionConfig, Rules
-from features.corner import intersect_kernel
 from features.feature import CORNER_RECORD, LINE_RECORD, Corners, Features, Lines
-from features.fit_kernels import fit_kernel, project_ends
+from features.fitting.corner import intersect_kernel
+from features.fitting.fit_kernels import fit_kernel, project_ends
 from features.scan import LaserScan
 from features.se2 import Array
-from features.segmentation import SEGMENT_RECORD, find_jumps, find_segments, is_short
+from features.segmentation.beams import gather_returns, to_cartesian
+from features.segmentation.breaks import fit_rough, meet_at, trim_ends, walls_meet
+from features.segmentation.segments import SEGMENT_RECORD, find_jumps, find_segments, is_short
 from features.sensor import SensorModel
 
 DEFAULT_CONFIG = ExtractionConfig()

@@ -6,8 +6,8 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from features.corner import intersect
 from features.feature import Features
+from features.fitting.corner import intersect
 from features.se2 import Array, between, wrap_angle
 from sim import Measurement, World, label_corners
 from slam.evaluation.evaluate import CORNER_DISTANCE

@@ -5,7 +5,7 @@ import numpy as np
 from features.config import METHODS, Covariance, LineFit
 from features.errors import DegenerateSegmentError
 from features.feature import LINE_RECORD, Line, Lines
-from features.fit_kernels import fit_kernel, project_ends
+from features.fitting.fit_kernels import fit_kernel, project_ends
 from features.se2 import Array
 from features.sensor import SensorModel
 

@@ -7,7 +7,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 from features.feature import LINE_RECORD, Line, LineForm
-from features.fit_kernels import POLAR, X_ON_Y
+from features.fitting.fit_kernels import POLAR, X_ON_Y
 from features.se2 import Array
 
 

@@ -4,7 +4,7 @@ import math
 
 from numba import njit
 
-from features.fit_kernels import moments
+from features.fitting.fit_kernels import moments
 
 
 @njit(cache=True, error_model="numpy")

@@ -10,7 +10,7 @@ from laws import law
 from scenes import FULL_TURN, free_pose, noisy_scan
 
 from features import LaserScan, extract, sensor_preset
-from features.beams import gather_returns, to_cartesian, turn_of
+from features.segmentation.beams import gather_returns, to_cartesian, turn_of
 from sim import room
 
 MODEL = sensor_preset("rplidar-s1")

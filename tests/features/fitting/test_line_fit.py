@@ -13,7 +13,7 @@ from laws import law
 from scipy.optimize import least_squares, minimize
 
 from features import DegenerateSegmentError, LineForm, SensorModel, fit_cwlf, fit_line, intersect, sensor_preset
-from features.fit_kernels import misfit_scale
+from features.fitting.fit_kernels import misfit_scale
 from features.se2 import rotation, wrap_angle
 
 MODEL = sensor_preset("rplidar-s1")
