@@ -10,7 +10,7 @@ from drivers.frame import FrameSource
 from drivers.log_lines import GZIP_MAGIC
 from drivers.mrclam import MrclamLog, is_mrclam
 from drivers.recording import Recording
-from drivers.ros_bag_kind import is_ros_bag
+from drivers.ros_bag.kind import is_ros_bag
 from drivers.victoria_park import VictoriaPark, is_edge_list
 
 
@@ -23,7 +23,7 @@ def open_log(
     ----------
     path : the log, plain or gzipped; the folder of a ROS 2 bag; of an MRCLAM data set the folder, or the odometry of a
         robot.
-    scan_topic, odom_topic : what to take of a ROS bag, see :class:`drivers.ros_bag.RosBag`.
+    scan_topic, odom_topic : what to take of a ROS bag, see :class:`drivers.ros_bag.bag.RosBag`.
 
     Raises
     ------
@@ -33,7 +33,7 @@ def open_log(
     if is_mrclam(path) and scan_topic is None and odom_topic is None:
         return MrclamLog(path)
     if is_ros_bag(Path(path)):
-        from drivers.ros_bag import RosBag
+        from drivers.ros_bag.bag import RosBag
 
         return RosBag(path, scan_topic, odom_topic)
     if scan_topic is not None or odom_topic is not None:

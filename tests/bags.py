@@ -9,7 +9,7 @@ from rosbags.rosbag1 import Writer as Writer1
 from rosbags.rosbag2 import StoragePlugin
 from rosbags.rosbag2 import Writer as Writer2
 
-from drivers.ros_bag_file import typestore
+from drivers.ros_bag.file import typestore
 
 KINDS = ("rosbag1", "sqlite3", "mcap")
 ROS1, ROS2 = typestore(ros1=True), typestore(ros1=False)

@@ -13,11 +13,11 @@ import numpy as np
 from drivers.errors import LogFormatError
 from drivers.frame import Frame
 from drivers.reorder import REORDER_WINDOW, ReorderWindow
-from drivers.ros_bag_file import ODOMETRY, SCAN, TRANSFORMS, BagFile
-from drivers.ros_bag_frames import laser_scan, planar_pose, stamp_of, with_odometry
-from drivers.ros_bag_kind import SUFFIXES
-from drivers.ros_bag_salvage import Message
-from drivers.ros_bag_tf import TransformTree, frame_name
+from drivers.ros_bag.file import ODOMETRY, SCAN, TRANSFORMS, BagFile
+from drivers.ros_bag.frames import laser_scan, planar_pose, stamp_of, with_odometry
+from drivers.ros_bag.kind import SUFFIXES
+from drivers.ros_bag.salvage import Message
+from drivers.ros_bag.tf import TransformTree, frame_name
 from features.errors import ScanFormatError
 from features.sensor import Mounting
 

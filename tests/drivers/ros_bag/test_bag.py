@@ -11,7 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from drivers import LogFormatError, open_log
-from drivers.ros_bag_frames import rotation_of
+from drivers.ros_bag.frames import rotation_of
 
 RANGES = [1.0, 2.0, math.nan, math.inf, 0.05, 9.0, 8.0, -1.0, 3.5]
 READ = [1.0, 2.0, *[math.inf] * 6, 3.5]

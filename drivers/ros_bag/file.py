@@ -12,8 +12,8 @@ from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 from rosbags.typesys.store import Typestore
 
 from drivers.errors import LogFormatError
-from drivers.ros_bag_kind import bag_kind, storage_files
-from drivers.ros_bag_salvage import Message, database_size, salvage
+from drivers.ros_bag.kind import bag_kind, storage_files
+from drivers.ros_bag.salvage import Message, database_size, salvage
 
 SCAN, ODOMETRY, TRANSFORMS = "sensor_msgs/msg/LaserScan", "nav_msgs/msg/Odometry", "tf2_msgs/msg/TFMessage"
 TYPES = {SCAN: SCAN, ODOMETRY: ODOMETRY, TRANSFORMS: TRANSFORMS, "tf/msg/tfMessage": TRANSFORMS}

@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 
 from drivers.errors import LogFormatError
-from drivers.ros_bag_frames import rotation_of
+from drivers.ros_bag.frames import rotation_of
 from features.se2 import Array, wrap_angle
 from features.sensor import Mounting
 

@@ -13,7 +13,7 @@ from rosbags.rosbag1.reader import Header, RecordType, decompressors, normalize,
 from rosbags.rosbag2.storage_mcap import decompress, read_sized, read_string
 from rosbags.typesys.msg import normalize_msgtype
 
-from drivers.ros_bag_kind import MAGIC, BagKind, bag_kind, storage_files
+from drivers.ros_bag.kind import MAGIC, BagKind, bag_kind, storage_files
 
 MCAP_SCHEMA, MCAP_CHANNEL, MCAP_MESSAGE, MCAP_CHUNK = 3, 4, 5, 6
 
