@@ -5,7 +5,7 @@ import gzip
 import numpy as np
 import pytest
 
-from drivers.carmen import CarmenLog
+from drivers.carmen.log import CarmenLog
 
 SCANS = 1000
 BEAMS = 180

@@ -1,12 +1,12 @@
 """Every way a frame enters the program; knows nothing of estimation."""
 
-from drivers.carmen import CarmenLog
-from drivers.carmen_export import write_carmen
+from drivers.carmen.export import write_carmen
+from drivers.carmen.log import CarmenLog
 from drivers.errors import DriverError, LogFormatError, RecordError
 from drivers.frame import Frame, FrameSource
 from drivers.open_log import is_recording, open_log
-from drivers.recorder import Recorder
-from drivers.recording import Recording
+from drivers.recording.recorder import Recorder
+from drivers.recording.recording import Recording
 from drivers.rplidar import Rplidar
 
 __all__ = [

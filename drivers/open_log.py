@@ -4,14 +4,14 @@ import os
 import zlib
 from pathlib import Path
 
-from drivers.carmen import CarmenLog
+from drivers.carmen.log import CarmenLog
+from drivers.data_sets.mrclam import MrclamLog, is_mrclam
+from drivers.data_sets.victoria_park import VictoriaPark, is_edge_list
 from drivers.errors import LogFormatError
 from drivers.frame import FrameSource
 from drivers.log_lines import GZIP_MAGIC
-from drivers.mrclam import MrclamLog, is_mrclam
-from drivers.recording import Recording
+from drivers.recording.recording import Recording
 from drivers.ros_bag.kind import is_ros_bag
-from drivers.victoria_park import VictoriaPark, is_edge_list
 
 
 def open_log(

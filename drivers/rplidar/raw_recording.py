@@ -11,8 +11,8 @@ import numpy as np
 
 from drivers.errors import LogFormatError
 from drivers.frame import Frame
-from drivers.recorder import Recorder
-from drivers.recording import Recording
+from drivers.recording.recorder import Recorder
+from drivers.recording.recording import Recording
 from drivers.rplidar.answers import Answer
 from drivers.rplidar.counts import Counts
 from drivers.rplidar.revolutions import RevolutionDecoder, ScanStream

@@ -92,7 +92,7 @@ def simulate(
     overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace a file that is there.")] = False,
 ) -> None:
     """Drive a robot through a world; record what it measures, and the truth."""
-    from drivers.recorder import Recorder
+    from drivers.recording.recorder import Recorder
     from sim.effects import EFFECTS
     from sim.lidar import Lidar
     from sim.run import ODOMETRIES
@@ -152,7 +152,7 @@ def export(
     overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace a file that is there.")] = False,
 ) -> None:
     """Write a recording, or a ROS bag, as a log that other programs read; a CARMEN log holds no truth."""
-    from drivers.carmen_export import write_carmen
+    from drivers.carmen.export import write_carmen
     from drivers.errors import RecordError
     from drivers.open_log import open_log
     from slam.config_file import load_config

@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from drivers.mrclam import MrclamLog, is_mrclam
+from drivers.data_sets.mrclam import MrclamLog, is_mrclam
 from drivers.open_log import is_recording
-from drivers.recording import Recording
+from drivers.recording.recording import Recording
 from features.se2 import Array, Pose, transform
 from sim.world import World
 from slam.evaluation.metrics import align, ate, match_landmarks, rpe

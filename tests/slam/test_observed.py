@@ -9,8 +9,8 @@ import pytest
 from gtsam.symbol_shorthand import L, X
 from places import DATA
 
+from drivers.data_sets.mrclam import MrclamLog
 from drivers.frame import Frame, LandmarkObservations
-from drivers.mrclam import MrclamLog
 from features.se2 import between, compose, pose, transform
 from features.sensor import Mounting, SensorModel
 from slam.config import SlamConfig, without_identities

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from places import DATA
 
-from drivers.carmen import CarmenLog
+from drivers.carmen.log import CarmenLog
 from drivers.frame import Frame
 from features.extract import extract
 from features.scan import LaserScan

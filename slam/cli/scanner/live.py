@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterator
 
     from drivers.frame import Frame, FrameSource
-    from drivers.recorder import Recorder
+    from drivers.recording.recorder import Recorder
     from drivers.rplidar import Rplidar
     from slam.pipeline import Slam
     from slam.run.session import Progress, Session
@@ -155,7 +155,7 @@ def replay(
     """Map a recording as if it were live: from the bytes of the scanner where they were kept, else from its scans."""
     from datetime import datetime
 
-    from drivers.recording import Recording
+    from drivers.recording.recording import Recording
     from drivers.rplidar import RawRecording
     from drivers.rplidar.raw_recording import has_raw_bytes
     from drivers.stages import Paced
@@ -182,7 +182,7 @@ def _with_odometry(lidar: Rplidar, odometry: str | None) -> FrameSource:
 
 
 def _recorder(path: Path, source: FrameSource, *, overwrite: bool) -> Recorder:
-    from drivers.recorder import Recorder
+    from drivers.recording.recorder import Recorder
 
     return Recorder(
         path,

@@ -7,8 +7,8 @@ from emulated import emulated_chunks
 
 from drivers.errors import LogFormatError
 from drivers.frame import Frame
-from drivers.recorder import Recorder
-from drivers.recording import Recording
+from drivers.recording.recorder import Recorder
+from drivers.recording.recording import Recording
 from drivers.rplidar import RawRecorder, RawRecording, RevolutionDecoder
 from features.scan import LaserScan
 from features.sensor import Mounting

@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from places import DATA
 from walks import moved, random_pair
 
-from drivers.carmen import CarmenLog
+from drivers.carmen.log import CarmenLog
 from features.errors import CwlfError
 from features.se2 import between, pose
 from slam.evaluation.relations import Relations, RelationsFormatError, read_relations, relations

@@ -9,7 +9,7 @@ from places import DATA
 from registration_scenes import corridor_run
 from scipy.stats import chi2
 
-from drivers.carmen import CarmenLog
+from drivers.carmen.log import CarmenLog
 from drivers.frame import Frame
 from features.extract import extract
 from features.scan import LaserScan

@@ -10,8 +10,8 @@ import pytest
 from emulated import emulated_chunks, emulated_device
 
 from drivers.frame import Frame
-from drivers.recorder import Recorder
-from drivers.recording import Recording
+from drivers.recording.recorder import Recorder
+from drivers.recording.recording import Recording
 from drivers.rplidar import RawRecorder, RevolutionDecoder
 from features.sensor import Mounting
 from sim.emulator.terminal import Terminal

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from drivers import LogFormatError, open_log
-from drivers.victoria_park import VictoriaPark
+from drivers.data_sets.victoria_park import VictoriaPark
 
 EDGES = """ODOMETRY 0 1 1.0 0.0 0.5 0.01 0 0 0.01 0 0.001
 LANDMARK 1 7 3.0 4.0 0.4 0 0.1

@@ -14,7 +14,7 @@ import numpy as np
 
 from drivers.errors import RecordError
 from drivers.frame import Frame
-from drivers.recording import Header, MountingRecord
+from drivers.recording.recording import Header, MountingRecord
 from features.se2 import Array, Pose
 from features.sensor import Mounting
 

@@ -7,9 +7,9 @@ from pathlib import Path
 
 import numpy as np
 
+from drivers.data_sets.number_table import finite_numbers, table_rows
 from drivers.errors import LogFormatError
 from drivers.frame import Frame, LandmarkObservations
-from drivers.number_table import finite_numbers, table_rows
 from features.se2 import Array, Pose, compose, pose
 from features.sensor import Mounting
 

@@ -11,7 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import drivers.reorder
-from drivers.carmen import CarmenLog
+from drivers.carmen.log import CarmenLog
 from drivers.errors import LogFormatError
 from drivers.frame import FrameSource
 from drivers.log_lines import GZIP_CHUNK_BYTES, LINE_BYTES

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from drivers import LogFormatError, open_log
-from drivers.mrclam import MrclamLog, integrate
+from drivers.data_sets.mrclam import MrclamLog, integrate
 from features.se2 import compose, pose
 
 FILES = {

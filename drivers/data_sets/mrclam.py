@@ -9,9 +9,9 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from drivers.data_sets.number_table import read_table
 from drivers.errors import LogFormatError
 from drivers.frame import Frame, LandmarkObservations
-from drivers.number_table import read_table
 from features.se2 import Array, wrap_angle
 from features.sensor import Mounting
 

@@ -1,0 +1,1 @@
+"""Published data sets of landmarks as sources of frames: MRCLAM and Victoria Park."""
