@@ -2,7 +2,7 @@
 
 import pytest
 
-from drivers.rplidar.requests import express_scan, motor_pwm
+from drivers.rplidar.protocol.requests import express_scan, motor_pwm
 from sim import Robot, find_site
 from sim.emulator import MODELS, Device, Motor, Scene, single_beams
 

@@ -1,7 +1,7 @@
 """Bytes of an emulated scanner, without a port and without waiting."""
 
 from drivers.rplidar import Answer, ScanStream
-from drivers.rplidar.requests import express_scan, motor_speed
+from drivers.rplidar.protocol.requests import express_scan, motor_speed
 from sim.emulator import MODELS, Device, Scene
 from sim.lidar import Lidar
 from sim.site_run import site_run

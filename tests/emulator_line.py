@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from drivers.rplidar import FORMATS, AnswerSearch, Command, Counts, SampleDecoder, Samples
-from drivers.rplidar.requests import express_scan, motor_pwm, request
+from drivers.rplidar.protocol.requests import express_scan, motor_pwm, request
 from sim import Lidar, Robot, World
 from sim.emulator import MODELS, Device, Motor, Scene
 

@@ -1,7 +1,17 @@
 """The serial protocol of the RPLIDAR scanners as functions on bytes, and a driver on top of it."""
 
-from drivers.rplidar.answer_search import AnswerSearch
-from drivers.rplidar.answers import (
+from drivers.rplidar.codecs.decoder import SampleDecoder
+from drivers.rplidar.codecs.dense import encode_dense
+from drivers.rplidar.codecs.express import encode_express
+from drivers.rplidar.codecs.formats import FORMATS, PacketFormat
+from drivers.rplidar.codecs.hq import encode_hq
+from drivers.rplidar.codecs.samples import Join, Samples
+from drivers.rplidar.codecs.standard import encode_standard
+from drivers.rplidar.codecs.ultra import encode_ultra, optical_offsets
+from drivers.rplidar.codecs.ultra_dense import encode_ultra_dense
+from drivers.rplidar.lidar import Rplidar
+from drivers.rplidar.protocol.answer_search import AnswerSearch
+from drivers.rplidar.protocol.answers import (
     Answer,
     Conf,
     Descriptor,
@@ -13,21 +23,11 @@ from drivers.rplidar.answers import (
     unpack_name,
     unpack_number,
 )
-from drivers.rplidar.counts import Counts
-from drivers.rplidar.decoder import SampleDecoder
-from drivers.rplidar.dense import encode_dense
-from drivers.rplidar.express import encode_express
-from drivers.rplidar.formats import FORMATS, PacketFormat
-from drivers.rplidar.hq import encode_hq
-from drivers.rplidar.lidar import Rplidar
+from drivers.rplidar.protocol.counts import Counts
+from drivers.rplidar.protocol.requests import Command, Request, RequestReader
 from drivers.rplidar.raw_recording import RawRecorder, RawRecording
 from drivers.rplidar.reader import RawTap
-from drivers.rplidar.requests import Command, Request, RequestReader
 from drivers.rplidar.revolutions import RevolutionDecoder, ScanStream
-from drivers.rplidar.samples import Join, Samples
-from drivers.rplidar.standard import encode_standard
-from drivers.rplidar.ultra import encode_ultra, optical_offsets
-from drivers.rplidar.ultra_dense import encode_ultra_dense
 
 __all__ = [
     "FORMATS",

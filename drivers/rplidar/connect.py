@@ -3,12 +3,12 @@
 from threading import Event
 
 from drivers.errors import DriverError
-from drivers.rplidar import requests
-from drivers.rplidar.answer_search import AnswerSearch
-from drivers.rplidar.answers import Answer, DeviceInfo
-from drivers.rplidar.exchange import search_answer
-from drivers.rplidar.link import Link
-from drivers.rplidar.requests import Command
+from drivers.rplidar.protocol import requests
+from drivers.rplidar.protocol.answer_search import AnswerSearch
+from drivers.rplidar.protocol.answers import Answer, DeviceInfo
+from drivers.rplidar.protocol.exchange import search_answer
+from drivers.rplidar.protocol.link import Link
+from drivers.rplidar.protocol.requests import Command
 
 BAUDS = (115200, 256000, 460800, 1000000)
 """Speeds of the known models, in the order in which they are tried."""

@@ -6,14 +6,14 @@ from contextlib import suppress
 from threading import Event
 
 from drivers.errors import DriverError
-from drivers.rplidar import requests
-from drivers.rplidar.answer_search import AnswerSearch
-from drivers.rplidar.answers import Answer, Health, Status
+from drivers.rplidar.codecs.formats import FORMATS
 from drivers.rplidar.connect import DRAIN_LIMIT, QUIET, connect, identify
-from drivers.rplidar.exchange import NoAnswerError, ask, search_answer
-from drivers.rplidar.formats import FORMATS
-from drivers.rplidar.model import Motor, has_conf, model_name, motor
-from drivers.rplidar.requests import Command
+from drivers.rplidar.protocol import requests
+from drivers.rplidar.protocol.answer_search import AnswerSearch
+from drivers.rplidar.protocol.answers import Answer, Health, Status
+from drivers.rplidar.protocol.exchange import NoAnswerError, ask, search_answer
+from drivers.rplidar.protocol.model import Motor, has_conf, model_name, motor
+from drivers.rplidar.protocol.requests import Command
 from drivers.rplidar.revolutions import ScanStream
 from drivers.rplidar.scan_mode import ScanMode, list_modes, standard_mode
 

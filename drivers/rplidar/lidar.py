@@ -11,12 +11,12 @@ import numpy as np
 
 from drivers.errors import DriverError
 from drivers.frame import Frame
-from drivers.rplidar.answers import DeviceInfo
-from drivers.rplidar.counts import Counts
 from drivers.rplidar.device import Device
-from drivers.rplidar.link import LinkClosedError
-from drivers.rplidar.model import model_name, sensor_name
 from drivers.rplidar.ports import find_device
+from drivers.rplidar.protocol.answers import DeviceInfo
+from drivers.rplidar.protocol.counts import Counts
+from drivers.rplidar.protocol.link import LinkClosedError
+from drivers.rplidar.protocol.model import model_name, sensor_name
 from drivers.rplidar.reader import RawTap, Reader
 from drivers.rplidar.revolutions import ScanStream
 from drivers.rplidar.scan_queue import ScanQueue

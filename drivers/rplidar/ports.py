@@ -7,7 +7,7 @@ from serial.tools import list_ports
 
 from drivers.errors import DriverError
 from drivers.rplidar.device import Device
-from drivers.rplidar.link import LinkClosedError
+from drivers.rplidar.protocol.link import LinkClosedError
 
 NO_PORT = (
     "no USB serial port is there: plug the scanner in with its USB adapter, and give it power; "

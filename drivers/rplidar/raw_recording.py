@@ -13,8 +13,8 @@ from drivers.errors import LogFormatError
 from drivers.frame import Frame
 from drivers.recording.recorder import Recorder
 from drivers.recording.recording import Recording
-from drivers.rplidar.answers import Answer
-from drivers.rplidar.counts import Counts
+from drivers.rplidar.protocol.answers import Answer
+from drivers.rplidar.protocol.counts import Counts
 from drivers.rplidar.revolutions import RevolutionDecoder, ScanStream
 from features.se2 import Array, Pose
 from features.sensor import Mounting

@@ -5,8 +5,8 @@ from threading import Event
 from typing import Protocol
 
 from drivers.errors import DriverError
-from drivers.rplidar.counts import Counts
 from drivers.rplidar.device import Device
+from drivers.rplidar.protocol.counts import Counts
 from drivers.rplidar.revolutions import RevolutionDecoder, ScanStream
 from drivers.rplidar.scan_queue import ScanQueue
 

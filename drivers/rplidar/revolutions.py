@@ -4,13 +4,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from drivers.rplidar.answers import Answer
 from drivers.rplidar.clock import SampleClock
-from drivers.rplidar.counts import Counts
-from drivers.rplidar.decoder import SampleDecoder
-from drivers.rplidar.formats import FORMATS
-from drivers.rplidar.samples import Join, Samples
-from drivers.rplidar.steady import Steady
+from drivers.rplidar.codecs.decoder import SampleDecoder
+from drivers.rplidar.codecs.formats import FORMATS
+from drivers.rplidar.codecs.samples import Join, Samples
+from drivers.rplidar.codecs.steady import Steady
+from drivers.rplidar.protocol.answers import Answer
+from drivers.rplidar.protocol.counts import Counts
 from features.scan import LaserScan
 from features.se2 import Array, wrap_angle
 

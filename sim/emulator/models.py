@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from enum import Enum, auto
 from types import MappingProxyType
 
-from drivers.rplidar.answers import Answer, DeviceInfo, SampleRate
+from drivers.rplidar.protocol.answers import Answer, DeviceInfo, SampleRate
 
 
 @dataclass(frozen=True, slots=True)

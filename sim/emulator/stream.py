@@ -19,7 +19,7 @@ from drivers.rplidar import (
     encode_ultra_dense,
     optical_offsets,
 )
-from drivers.rplidar.samples import NOMINAL_QUALITY, RADIANS_PER_Q6, TURN_Q6
+from drivers.rplidar.codecs.samples import NOMINAL_QUALITY, RADIANS_PER_Q6, TURN_Q6
 from features.se2 import Array
 from sim.emulator.faults import Faults
 from sim.emulator.models import Mode

@@ -7,7 +7,7 @@ import pytest
 from emulator_line import QUIET, make
 
 from drivers.rplidar import FORMATS, Answer, Command, Conf, DeviceInfo, Health, Request, unpack_name, unpack_number
-from drivers.rplidar.requests import express_scan, lidar_conf, motor_pwm, motor_speed, request
+from drivers.rplidar.protocol.requests import express_scan, lidar_conf, motor_pwm, motor_speed, request
 from sim.emulator import FAULTS, MODELS, Device
 
 

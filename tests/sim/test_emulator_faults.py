@@ -5,7 +5,7 @@ import pytest
 from emulator_line import HEALED, angles_of, listen, make, ranges_of
 
 from drivers.rplidar import Join
-from drivers.rplidar.requests import express_scan
+from drivers.rplidar.protocol.requests import express_scan
 from sim.emulator import FAULTS
 
 SECONDS = {"unplug": 40.0, "protection-stop": 40.0, "stall": 24.0, "encoder-reset": 24.0}

@@ -7,7 +7,7 @@ import pytest
 from emulator_line import BARE_ROOM, HEALED, NOISY, QUIET, TRAJECTORY, angles_of, listen, make, ranges_of
 
 from drivers.rplidar import FORMATS, Answer, Command
-from drivers.rplidar.requests import express_scan, motor_speed, request
+from drivers.rplidar.protocol.requests import express_scan, motor_speed, request
 from features.se2 import TWO_PI
 from sim.emulator import MODELS, Device, Mode, Model
 

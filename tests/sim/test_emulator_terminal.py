@@ -11,7 +11,7 @@ import serial
 from emulator_line import make
 
 from drivers.rplidar import Answer, Command, SampleDecoder
-from drivers.rplidar.requests import express_scan, request
+from drivers.rplidar.protocol.requests import express_scan, request
 from sim.emulator import Device
 from sim.emulator.terminal import EmulatorError, Terminal
 

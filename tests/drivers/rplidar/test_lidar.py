@@ -13,7 +13,7 @@ import pytest
 from drivers.errors import DriverError
 from drivers.rplidar import Command, RevolutionDecoder, Rplidar
 from drivers.rplidar.device import Device
-from drivers.rplidar.requests import motor_pwm, motor_speed, request
+from drivers.rplidar.protocol.requests import motor_pwm, motor_speed, request
 from features.se2 import wrap_angle
 
 PATIENCE = 60.0

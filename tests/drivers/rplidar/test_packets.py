@@ -21,7 +21,7 @@ from drivers.rplidar import (
     encode_ultra_dense,
     optical_offsets,
 )
-from drivers.rplidar.hq import crc32
+from drivers.rplidar.codecs.hq import crc32
 
 TURN = 2.0 * np.pi
 ROUNDING = 1e-12

@@ -7,8 +7,8 @@ from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 
 from drivers.rplidar import Answer, AnswerSearch, RevolutionDecoder, ScanStream, encode_dense, encode_standard
-from drivers.rplidar.formats import FORMATS
-from drivers.rplidar.requests import Command, express_scan, motor_pwm, request
+from drivers.rplidar.codecs.formats import FORMATS
+from drivers.rplidar.protocol.requests import Command, express_scan, motor_pwm, request
 from sim.emulator import MODELS
 
 SECONDS = 10.0

@@ -11,7 +11,7 @@ import serial
 from command_line import Call
 
 from drivers.rplidar import Command
-from drivers.rplidar.requests import express_scan, request
+from drivers.rplidar.protocol.requests import express_scan, request
 from sim.emulator.terminal import Terminal
 from slam.cli.scanner.emulate import _laps
 

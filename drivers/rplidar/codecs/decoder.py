@@ -4,13 +4,13 @@ from dataclasses import replace
 
 import numpy as np
 
-from drivers.rplidar.answers import Answer
-from drivers.rplidar.capsule import last_encoder_q6, restarts, starts_q6
-from drivers.rplidar.counts import Counts
-from drivers.rplidar.formats import FORMATS
-from drivers.rplidar.framing import framer
-from drivers.rplidar.samples import TURN_Q6, Join, Packets, Samples
-from drivers.rplidar.steady import Steady
+from drivers.rplidar.codecs.capsule import last_encoder_q6, restarts, starts_q6
+from drivers.rplidar.codecs.formats import FORMATS
+from drivers.rplidar.codecs.framing import framer
+from drivers.rplidar.codecs.samples import TURN_Q6, Join, Packets, Samples
+from drivers.rplidar.codecs.steady import Steady
+from drivers.rplidar.protocol.answers import Answer
+from drivers.rplidar.protocol.counts import Counts
 
 BACKWARDS = np.radians(10.0)
 """Angles go back by no more than this within a revolution: the optical offset is at most 8 deg."""

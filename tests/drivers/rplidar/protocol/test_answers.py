@@ -3,7 +3,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from drivers.errors import DriverError
-from drivers.rplidar.answers import (
+from drivers.rplidar.codecs.formats import FORMATS
+from drivers.rplidar.protocol.answers import (
     Answer,
     Conf,
     Descriptor,
@@ -14,7 +15,6 @@ from drivers.rplidar.answers import (
     unpack_name,
     unpack_number,
 )
-from drivers.rplidar.formats import FORMATS
 
 GOLDEN = {
     "a55a1400000004": Descriptor(20, False, Answer.INFO),

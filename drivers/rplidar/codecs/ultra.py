@@ -5,8 +5,8 @@ import math
 import numpy as np
 import numpy.typing as npt
 
-from drivers.rplidar.capsule import HEAD, Measured, new_capsule, seal
-from drivers.rplidar.samples import NOMINAL_QUALITY, Packets, to_metres, to_steps
+from drivers.rplidar.codecs.capsule import HEAD, Measured, new_capsule, seal
+from drivers.rplidar.codecs.samples import NOMINAL_QUALITY, Packets, to_metres, to_steps
 from features.se2 import Array
 
 SAMPLES = 96

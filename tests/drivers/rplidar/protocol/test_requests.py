@@ -2,9 +2,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from drivers.rplidar import requests
-from drivers.rplidar.answers import Conf
-from drivers.rplidar.requests import Command, Request, RequestReader
+from drivers.rplidar.protocol import requests
+from drivers.rplidar.protocol.answers import Conf
+from drivers.rplidar.protocol.requests import Command, Request, RequestReader
 
 GOLDEN = {
     "a525": requests.request(Command.STOP),

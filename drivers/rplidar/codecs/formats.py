@@ -6,9 +6,9 @@ from types import MappingProxyType
 
 import numpy as np
 
-from drivers.rplidar import capsule, dense, express, hq, standard, ultra, ultra_dense
-from drivers.rplidar.answers import Answer
-from drivers.rplidar.samples import Flags, Packets, Samples
+from drivers.rplidar.codecs import capsule, dense, express, hq, standard, ultra, ultra_dense
+from drivers.rplidar.codecs.samples import Flags, Packets, Samples
+from drivers.rplidar.protocol.answers import Answer
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,6 +1,6 @@
 import pytest
 
-from drivers.rplidar.model import Motor, has_conf, model_name, motor, sensor_name
+from drivers.rplidar.protocol.model import Motor, has_conf, model_name, motor, sensor_name
 from features.sensor import SENSOR_PRESETS
 
 

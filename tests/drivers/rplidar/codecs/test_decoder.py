@@ -8,7 +8,7 @@ from numpy.testing import assert_array_equal
 from rplidar_streams import stream
 
 from drivers.rplidar import FORMATS, Answer, Join, SampleDecoder, Samples, encode_dense
-from drivers.rplidar.framing import BLOCK
+from drivers.rplidar.codecs.framing import BLOCK
 
 answers = st.sampled_from(list(FORMATS))
 seeds = st.integers(0, 2**32 - 1)

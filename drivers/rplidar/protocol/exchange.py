@@ -4,11 +4,11 @@ import time
 from collections.abc import Mapping
 
 from drivers.errors import DriverError
-from drivers.rplidar import requests
-from drivers.rplidar.answer_search import AnswerSearch
-from drivers.rplidar.answers import Answer, Conf, unpack_number
-from drivers.rplidar.link import Link
-from drivers.rplidar.requests import Command
+from drivers.rplidar.protocol import requests
+from drivers.rplidar.protocol.answer_search import AnswerSearch
+from drivers.rplidar.protocol.answers import Answer, Conf, unpack_number
+from drivers.rplidar.protocol.link import Link
+from drivers.rplidar.protocol.requests import Command
 
 ANSWER_TIMEOUT = 1.0
 """For an answer; it is asked for twice [s]."""

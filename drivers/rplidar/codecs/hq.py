@@ -6,7 +6,7 @@ import zlib
 import numpy as np
 import numpy.typing as npt
 
-from drivers.rplidar.samples import Flags, Packets, Samples, to_metres, to_steps
+from drivers.rplidar.codecs.samples import Flags, Packets, Samples, to_metres, to_steps
 from features.se2 import Array
 
 SAMPLES = 96

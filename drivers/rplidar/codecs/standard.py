@@ -3,7 +3,7 @@
 import numpy as np
 import numpy.typing as npt
 
-from drivers.rplidar.samples import RADIANS_PER_Q6, TURN_Q6, Flags, Packets, Samples, to_metres, to_q6, to_steps
+from drivers.rplidar.codecs.samples import RADIANS_PER_Q6, TURN_Q6, Flags, Packets, Samples, to_metres, to_q6, to_steps
 from features.se2 import Array
 
 DTYPE = np.dtype([("head", "u1"), ("angle", "<u2"), ("distance", "<u2")])

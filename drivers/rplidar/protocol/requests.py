@@ -6,7 +6,7 @@ import struct
 from dataclasses import dataclass
 from enum import IntEnum
 
-from drivers.rplidar.answers import Conf
+from drivers.rplidar.protocol.answers import Conf
 
 SYNC = 0xA5
 

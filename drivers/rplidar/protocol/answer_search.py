@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping
 
-from drivers.rplidar.answers import DESCRIPTOR_SIZE, DESCRIPTOR_SYNC, Answer, Descriptor
+from drivers.rplidar.protocol.answers import DESCRIPTOR_SIZE, DESCRIPTOR_SYNC, Answer, Descriptor
 
 MAX_SIZE = 256
 """Bytes of the longest answer of no fixed size that is believed."""

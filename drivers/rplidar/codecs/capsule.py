@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from drivers.rplidar.samples import RADIANS_PER_Q6, TURN_Q6, Flags, Packets, Samples, to_q6
+from drivers.rplidar.codecs.samples import RADIANS_PER_Q6, TURN_Q6, Flags, Packets, Samples, to_q6
 from features.se2 import Array
 
 HEAD = [("sync", "u1", 2), ("start", "<u2")]
