@@ -5,7 +5,7 @@ import numpy as np
 import numpy.typing as npt
 
 from features.se2 import Array
-from sim.wall_index import WallIndex
+from sim.casting.wall_index import WallIndex
 
 TOUCH = 1e-9
 """Walls nearer to each other than this meet [m]."""

@@ -8,8 +8,8 @@ import numpy as np
 import numpy.typing as npt
 
 from features.se2 import Array
+from sim.casting.sincos import sincos
 from sim.person import Person
-from sim.sincos import sincos
 from sim.world import World
 
 

@@ -8,10 +8,10 @@ import numpy as np
 import numpy.typing as npt
 
 from features.se2 import Array, Pose
+from sim.casting.raycast import WallIds, cast_beams, cast_fans
+from sim.casting.wall_index import WallIndex
 from sim.corners import TOUCH, find_corners
 from sim.errors import WorldError
-from sim.raycast import WallIds, cast_beams, cast_fans
-from sim.wall_index import WallIndex
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -73,7 +73,7 @@ class World:
         object.__setattr__(self, "_solid_index", WallIndex.of(walls, ~glass) if glass.any() else index)
 
     def cast(self, pose_world_sensor: Pose, angles: Array) -> tuple[Array, WallIds]:
-        """Range to the nearest wall along each beam; what counts as hit is said in :mod:`sim.raycast`.
+        """Range to the nearest wall along each beam; what counts as hit is said in :mod:`sim.casting.raycast`.
 
         Parameters
         ----------

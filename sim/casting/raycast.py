@@ -14,9 +14,19 @@ import numpy as np
 import numpy.typing as npt
 
 from features.se2 import Array
-from sim.fan import BLOCK, SLACK, box_sectors, hidden, hit_range, lay, sector_count, sort_beams, wall_sectors
-from sim.sincos import MAX_ANGLE, sincos
-from sim.wall_index import WallIndex
+from sim.casting.beam_sectors import (
+    BLOCK,
+    SLACK,
+    box_sectors,
+    hidden,
+    hit_range,
+    lay,
+    sector_count,
+    sort_beams,
+    wall_sectors,
+)
+from sim.casting.sincos import MAX_ANGLE, sincos
+from sim.casting.wall_index import WallIndex
 
 ON_WALL = 1e-9
 """A sensor nearer to a wall than this stands on it [m]."""

@@ -11,9 +11,9 @@ from hypothesis import strategies as st
 
 from features.se2 import pose
 from sim import World, room
-from sim.raycast import cast_beams, cast_fans
-from sim.sincos import sincos
-from sim.wall_index import WallIndex
+from sim.casting.raycast import cast_beams, cast_fans
+from sim.casting.sincos import sincos
+from sim.casting.wall_index import WallIndex
 
 
 def cast(walls, origin, angles):
