@@ -10,7 +10,7 @@ import itertools
 import numpy as np
 import pytest
 
-from sim.world import World
+from sim.worlds.world import World
 
 ANGLES = np.linspace(-np.pi, np.pi, 920, endpoint=False)
 COUNTS = [100, 1_000, 10_000]

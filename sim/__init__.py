@@ -1,26 +1,26 @@
 """Simulation: worlds, ray casting, lidar noise and robot motion; a run is one more source of frames, with its truth."""
 
 from sim.alpha_odometry import AlphaOdometry
-from sim.check import findings
 from sim.drive import drive_through
 from sim.effects import EFFECTS, Effects
 from sim.errors import WorldError
 from sim.labels import label_corners
 from sim.lidar import Lidar, Measurement
 from sim.odometry import WheelOdometry
-from sim.paper_worlds import ENVIRONMENT_A_POSE, ENVIRONMENT_B_POSE, environment_a, environment_b
 from sim.people import people_beside
 from sim.person import Person
-from sim.random_rooms import random_pose, random_room, random_tour
-from sim.read_site import read_site
 from sim.robot import OmniRobot, Robot, Trajectory
 from sim.run import ODOMETRIES, POOR_ODOMETRY, SimulatedRun, room_run
-from sim.site import Site
 from sim.site_run import site_run
-from sim.sites import BUILT_IN, find_site
 from sim.visibility import VisibleSections, visible_corners, visible_sections
-from sim.world import World
-from sim.worlds import room, room_waypoints
+from sim.worlds.built_in.paper import ENVIRONMENT_A_POSE, ENVIRONMENT_B_POSE, environment_a, environment_b
+from sim.worlds.built_in.random_rooms import random_pose, random_room, random_tour
+from sim.worlds.built_in.room import room, room_waypoints
+from sim.worlds.check import findings
+from sim.worlds.formats.read import read_site
+from sim.worlds.site import Site
+from sim.worlds.sites import BUILT_IN, find_site
+from sim.worlds.world import World
 
 __all__ = [
     "BUILT_IN",

@@ -7,10 +7,10 @@ import numpy.typing as npt
 import shapely
 
 from features.se2 import Array
-from sim.check import segments
 from sim.errors import WorldError
 from sim.robot import Robot, Trajectory
-from sim.world import World
+from sim.worlds.check import segments
+from sim.worlds.world import World
 
 ROBOT_RADIUS = 0.15
 """A robot that comes nearer to a wall touches it [m]."""

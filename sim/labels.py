@@ -4,7 +4,7 @@ import numpy as np
 import numpy.typing as npt
 
 from features.se2 import Array
-from sim.world import World
+from sim.worlds.world import World
 
 
 def label_corners(

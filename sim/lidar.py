@@ -15,7 +15,7 @@ from features.sensor import Mounting, sensor_preset
 from sim.effects import Effects, in_steps
 from sim.person import Person
 from sim.surroundings import Hits, cast_into, cos_incidence, mix_edges
-from sim.world import World
+from sim.worlds.world import World
 
 _FULL_TURN = np.asarray(-math.pi + 2.0 * math.pi * np.arange(920) / 920.0, dtype=np.float64)
 

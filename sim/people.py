@@ -4,11 +4,11 @@ import numpy as np
 import shapely
 
 from features.se2 import Array
-from sim.check import segments
 from sim.drive import ROBOT_RADIUS
 from sim.errors import WorldError
 from sim.person import Person
-from sim.world import World
+from sim.worlds.check import segments
+from sim.worlds.world import World
 
 RADIUS = 0.25
 """Of a person [m]."""

@@ -14,8 +14,8 @@ from sim.lidar import Lidar, Measurement
 from sim.odometry import Odometry, WheelOdometry
 from sim.person import Person
 from sim.robot import Robot, Trajectory
-from sim.world import World
-from sim.worlds import room, room_waypoints
+from sim.worlds.built_in.room import room, room_waypoints
+from sim.worlds.world import World
 
 POOR_ODOMETRY = WheelOdometry(
     sigma_turn_per_radian=0.01,

@@ -3,7 +3,6 @@
 import numpy as np
 
 from features.se2 import Array
-from sim.check import open_ends
 from sim.drive import drive_through
 from sim.errors import WorldError
 from sim.lidar import Lidar
@@ -11,7 +10,8 @@ from sim.odometry import Odometry
 from sim.people import people_beside
 from sim.robot import Robot
 from sim.run import POOR_ODOMETRY, SimulatedRun
-from sim.site import Site
+from sim.worlds.check import open_ends
+from sim.worlds.site import Site
 
 ODOMETRY_RATE = 50.0
 """Odometry records per second, or the next whole multiple of the lidar's rate [Hz]."""

@@ -10,7 +10,7 @@ import numpy.typing as npt
 from features.se2 import Array
 from sim.casting.sincos import sincos
 from sim.person import Person
-from sim.world import World
+from sim.worlds.world import World
 
 
 @dataclass(frozen=True, slots=True, eq=False)

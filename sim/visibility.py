@@ -7,7 +7,7 @@ import numpy as np
 import numpy.typing as npt
 
 from features.se2 import Array, Pose, pose
-from sim.world import World
+from sim.worlds.world import World
 
 _ROUNDING = 1e-9
 """A beam this near to the direction of a corner may hit either wall of it [rad]."""

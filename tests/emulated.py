@@ -5,7 +5,7 @@ from drivers.rplidar.protocol.requests import express_scan, motor_speed
 from sim.emulator import MODELS, Device, Scene
 from sim.lidar import Lidar
 from sim.site_run import site_run
-from sim.sites import find_site
+from sim.worlds.sites import find_site
 
 
 def emulated_device(world: str = "room", seed: int = 1) -> Device:

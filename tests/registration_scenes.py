@@ -11,7 +11,7 @@ from sim.lidar import Lidar
 from sim.odometry import WheelOdometry
 from sim.robot import Robot
 from sim.run import SimulatedRun
-from sim.world import World
+from sim.worlds.world import World
 from slam.config import SlamConfig
 from slam.odometry.line_map import LineMap, walls_of_lines
 from slam.odometry.scan_points import ScanPoints, scan_points

@@ -8,7 +8,7 @@ from features.se2 import Array
 from features.sensor import sensor_preset
 from sim.lidar import Lidar
 from sim.robot import Trajectory
-from sim.world import World
+from sim.worlds.world import World
 
 
 def single_beams(preset: str) -> Lidar:

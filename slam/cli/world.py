@@ -10,7 +10,7 @@ import typer
 from slam.cli.options import LOG, OdomTopic, ScanTopic
 
 if TYPE_CHECKING:
-    from sim.site import Site
+    from sim.worlds.site import Site
 
 world = typer.Typer(
     name="world",
@@ -37,7 +37,7 @@ Name = Annotated[str, typer.Argument(help="Name of a built-in world, or file.", 
 @world.command("list")
 def list_worlds() -> None:
     """Name the built-in worlds, with their size, walls, corners and path."""
-    from sim.sites import BUILT_IN, find_site
+    from sim.worlds.sites import BUILT_IN, find_site
 
     for name in (*BUILT_IN, "random-room-1"):
         typer.echo(_summary(find_site(name)))
@@ -51,7 +51,7 @@ def show(
     ] = None,
 ) -> None:
     """Draw a world: walls, corners and the path, where it has one."""
-    from sim.sites import find_site
+    from sim.worlds.sites import find_site
     from slam.pictures.world import draw_world
 
     site = find_site(name)
@@ -64,8 +64,8 @@ def show(
 @world.command()
 def check(name: Name) -> None:
     """List what is wrong with a world, a line each with its coordinates; exit code 1 if there is anything."""
-    from sim.check import findings
-    from sim.sites import find_site
+    from sim.worlds.check import findings
+    from sim.worlds.sites import find_site
 
     site = find_site(name)
     found = findings(site.walls)
@@ -97,8 +97,8 @@ def simulate(
     from sim.lidar import Lidar
     from sim.run import ODOMETRIES
     from sim.site_run import site_run
-    from sim.sites import find_site
     from sim.waypoints import read_waypoints
+    from sim.worlds.sites import find_site
     from slam.errors import ConfigError
     from slam.run.interrupt import Interrupt
     from slam.run.progress import RunProgress

@@ -11,7 +11,7 @@ from drivers.data_sets.mrclam import MrclamLog, is_mrclam
 from drivers.open_log import is_recording
 from drivers.recording.recording import Recording
 from features.se2 import Array, Pose, transform
-from sim.world import World
+from sim.worlds.world import World
 from slam.evaluation.metrics import align, ate, match_landmarks, rpe
 from slam.evaluation.relations import read_relations, relations
 from slam.result.result import SlamResult

@@ -7,8 +7,8 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
 
-from sim.site import Site
-from sim.world import World
+from sim.worlds.site import Site
+from sim.worlds.world import World
 from slam.errors import RunFolderError
 from slam.pictures.run_map import CONCAVE, INK, PATH, WALL
 

@@ -8,7 +8,7 @@ from registration_scenes import CONFIG, LIDAR, SENSOR, points_of
 
 from features.extract import extract
 from features.se2 import between, compose, pose
-from sim.world import World
+from sim.worlds.world import World
 from slam.graph.factors import Observations
 from slam.graph.incremental import LandmarkGraph
 from slam.loop.closer import LoopCloser

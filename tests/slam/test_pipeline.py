@@ -18,8 +18,8 @@ from sim.lidar import Lidar
 from sim.odometry import WheelOdometry
 from sim.robot import Robot
 from sim.run import SimulatedRun, room_run
-from sim.world import World
-from sim.worlds import room
+from sim.worlds.built_in.room import room
+from sim.worlds.world import World
 from slam.config import SlamConfig
 from slam.config_file import load_config
 from slam.errors import DivergedError

@@ -52,8 +52,8 @@ def emulate(
     from sim.emulator import FAULTS, MODELS, Device, Scene, single_beams
     from sim.emulator.terminal import Terminal
     from sim.site_run import site_run
-    from sim.sites import find_site
     from sim.waypoints import read_waypoints
+    from sim.worlds.sites import find_site
     from slam.errors import ConfigError
     from slam.run.interrupt import Interrupt
 

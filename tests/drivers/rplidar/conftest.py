@@ -12,7 +12,7 @@ from sim.emulator import MODELS, Device, Scene
 from sim.emulator.terminal import Terminal
 from sim.lidar import Lidar
 from sim.robot import Trajectory
-from sim.worlds import room
+from sim.worlds.built_in.room import room
 
 
 def make_device(model="S1", faults=(), seed=1):

@@ -10,7 +10,7 @@ from scipy.stats import chi2
 
 from features.feature import Corners
 from features.se2 import between, compose, inverse, pose, wrap_angle
-from sim.world import World
+from sim.worlds.world import World
 from slam.loop.closer import LoopCloser
 from slam.loop.rules import LoopRules
 from slam.loop.verification import SYSTEMATIC

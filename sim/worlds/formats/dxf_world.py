@@ -15,8 +15,8 @@ from ezdxf.enums import InsertUnits
 
 from features.se2 import Array
 from sim.errors import WorldError
-from sim.floor_plan import MERGE
-from sim.site import Site
+from sim.worlds.floor_plan import MERGE
+from sim.worlds.site import Site
 
 logger = logging.getLogger(__name__)
 

@@ -11,7 +11,8 @@ import shapely
 from ezdxf.enums import InsertUnits
 
 from features.se2 import rotation
-from sim import Robot, WorldError, drive_through, find_site, findings, read_site
+from sim import Robot, WorldError, drive_through, find_site, findings
+from sim.worlds.formats import read as read_site
 
 
 @pytest.fixture
@@ -143,7 +144,7 @@ def test_what_cannot_be_read_is_one_line(drawing, read, tmp_path):
 
 def test_without_ezdxf_the_message_says_how_to_get_it(drawing, read, monkeypatch):
     monkeypatch.setitem(sys.modules, "ezdxf", None)
-    monkeypatch.delitem(sys.modules, "sim.dxf_world", raising=False)
+    monkeypatch.delitem(sys.modules, "sim.worlds.formats.dxf_world", raising=False)
     drawing.modelspace().add_line((0, 0), (1, 0))
     with pytest.raises(WorldError, match=r"pip install ezdxf"):
         read(drawing)

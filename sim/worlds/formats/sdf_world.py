@@ -12,8 +12,8 @@ import shapely
 
 from features.se2 import Array, Pose, compose, pose, transform
 from sim.errors import WorldError
-from sim.floor_plan import outlines
-from sim.site import Site
+from sim.worlds.floor_plan import outlines
+from sim.worlds.site import Site
 
 logger = logging.getLogger(__name__)
 

@@ -5,7 +5,7 @@ import math
 import numpy as np
 
 from features.se2 import Array
-from sim.world import World
+from sim.worlds.world import World
 
 _SLOPE = 1.8 / math.tan(math.radians(40.0))
 """Run of the oblique wall of the room along the north wall [m]; it leaves the east wall by 130 deg."""

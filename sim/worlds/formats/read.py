@@ -4,7 +4,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 from sim.errors import WorldError
-from sim.site import Site
+from sim.worlds.site import Site
 
 _SUFFIXES = {".json": "json", ".sdf": "sdf", ".world": "sdf", ".yaml": "map", ".yml": "map", ".dxf": "dxf"}
 _IMAGES = {".pgm", ".png", ".bmp"}
@@ -41,20 +41,20 @@ def read_site(path: Path) -> Site:
 def _reader(path: Path, file_format: str | None) -> Callable[[Path], Site]:
     match file_format:
         case "json":
-            from sim.json_world import read_json
+            from sim.worlds.formats.json_world import read_json
 
             return read_json
         case "sdf":
-            from sim.sdf_world import read_sdf
+            from sim.worlds.formats.sdf_world import read_sdf
 
             return read_sdf
         case "map":
-            from sim.grid_map import read_map
+            from sim.worlds.formats.grid_map import read_map
 
             return read_map
         case "dxf":
             try:
-                from sim.dxf_world import read_dxf
+                from sim.worlds.formats.dxf_world import read_dxf
             except ModuleNotFoundError as error:
                 if error.name != "ezdxf":
                     raise

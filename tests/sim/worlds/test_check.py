@@ -8,7 +8,7 @@ from hypothesis.extra import numpy as hnp
 
 from features.se2 import rotation
 from sim import findings, random_room
-from sim.check import open_ends
+from sim.worlds.check import open_ends
 
 SQUARE = np.array([(0, 0, 4, 0), (4, 0, 4, 4), (4, 4, 0, 4), (0, 4, 0, 0)], dtype=np.float64)
 

@@ -7,7 +7,7 @@ import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from sim.errors import WorldError
-from sim.site import Site
+from sim.worlds.site import Site
 
 LARGEST = 1e6
 """Largest coordinate: beyond, a double no longer tells walls apart that nearly meet [m]."""

@@ -1,7 +1,7 @@
 """Stand-ins for the environments A and B of section V of the paper, which gives their sizes and counts alone."""
 
 from features.se2 import Pose, pose
-from sim.world import World
+from sim.worlds.world import World
 
 _A_OUTLINE = [
     (0.0, 0.0),

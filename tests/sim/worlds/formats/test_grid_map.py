@@ -11,9 +11,10 @@ from hypothesis import strategies as st
 from PIL import Image
 
 from features.se2 import pose, rotation, transform
-from sim import Robot, WorldError, drive_through, find_site, findings, random_room, read_site
-from sim.grid_map import MapFile, _walls
-from sim.trace import trace
+from sim import Robot, WorldError, drive_through, find_site, findings, random_room
+from sim.worlds.formats import read as read_site
+from sim.worlds.formats.grid_map import MapFile, _walls
+from sim.worlds.formats.grid_outlines import trace
 
 
 def solid_of(walls):

@@ -2,7 +2,8 @@
 
 import pytest
 
-from sim import WorldError, find_site, read_site
+from sim import WorldError, find_site
+from sim.worlds.formats import read as read_site
 
 JSON = '{"format": "cwlf-world", "version": 1, "walls": [{"points": [[0, 0], [1, 0]]}]}'
 BOX = "<collision><geometry><box><size>1 1 1</size></box></geometry></collision>"

@@ -11,8 +11,8 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from features.se2 import Array, pose, transform
 from sim.errors import WorldError
-from sim.site import Site
-from sim.trace import trace
+from sim.worlds.formats.grid_outlines import trace
+from sim.worlds.site import Site
 
 
 class MapFile(BaseModel):

@@ -7,8 +7,9 @@ import numpy as np
 import pytest
 from places import ROOT
 
-from sim import WorldError, findings, read_site
-from sim.json_world import WorldFile
+from sim import WorldError, findings
+from sim.worlds.formats import read as read_site
+from sim.worlds.formats.json_world import WorldFile
 
 DOCS = ROOT / "docs"
 

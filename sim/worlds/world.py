@@ -10,8 +10,8 @@ import numpy.typing as npt
 from features.se2 import Array, Pose
 from sim.casting.raycast import WallIds, cast_beams, cast_fans
 from sim.casting.wall_index import WallIndex
-from sim.corners import TOUCH, find_corners
 from sim.errors import WorldError
+from sim.worlds.corners import TOUCH, find_corners
 
 
 @dataclass(frozen=True, slots=True, eq=False)

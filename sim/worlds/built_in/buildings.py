@@ -4,8 +4,8 @@ import numpy as np
 from shapely import Polygon, box
 
 from features.se2 import Array
-from sim.floor_plan import floor_plan
-from sim.site import Site
+from sim.worlds.floor_plan import floor_plan
+from sim.worlds.site import Site
 
 _DOOR = 0.9
 _NICHE = 0.35

@@ -5,7 +5,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from sim import World, random_room
-from sim.corners import STRAIGHT, TOUCH
+from sim.worlds.corners import STRAIGHT, TOUCH
 
 
 def plain_corners(walls):

@@ -7,7 +7,7 @@ import shapely
 
 from features.se2 import Array
 from sim.errors import WorldError
-from sim.world import World
+from sim.worlds.world import World
 
 MERGE = 1e-6
 """Shapes are joined on a grid of this width, so that edges that coincide but for rounding become one [m]."""

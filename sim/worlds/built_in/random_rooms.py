@@ -8,7 +8,7 @@ import shapely
 
 from features.se2 import Array, Pose, pose, rotation
 from sim.errors import WorldError
-from sim.world import World
+from sim.worlds.world import World
 
 _SIDES = (4.4, 10.0)
 """Sides of a room without its niches, which reach out by up to a metre on each side [m]."""

@@ -7,13 +7,13 @@ from types import MappingProxyType
 
 import numpy as np
 
-from sim.buildings import apartment, corridor, large_office, office_loop
 from sim.errors import WorldError
-from sim.paper_worlds import environment_a, environment_b
-from sim.random_rooms import random_room, random_tour
-from sim.read_site import read_site
-from sim.site import Site
-from sim.worlds import room, room_waypoints
+from sim.worlds.built_in.buildings import apartment, corridor, large_office, office_loop
+from sim.worlds.built_in.paper import environment_a, environment_b
+from sim.worlds.built_in.random_rooms import random_room, random_tour
+from sim.worlds.built_in.room import room, room_waypoints
+from sim.worlds.formats.read import read_site
+from sim.worlds.site import Site
 
 _PATH_A = [
     *[(4.4, 3.9), (5.7, 2.9), (7.0, 2.4), (8.2, 3.6), (7.4, 5.2), (5.8, 5.0), (5.6, 6.4), (4.5, 7.2), (3.4, 6.4)],

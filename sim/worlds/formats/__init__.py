@@ -1,0 +1,1 @@
+"""Worlds out of files: JSON, Gazebo SDF, DXF drawings, ROS grid maps."""
