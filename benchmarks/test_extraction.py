@@ -11,7 +11,7 @@ from features.feature import LINE_RECORD
 from features.fitting.fit_kernels import fit_kernel
 from features.se2 import pose
 from features.sensor import sensor_preset
-from sim.lidar import Lidar
+from sim.sensing.lidar import Lidar
 from sim.worlds.built_in.room import room
 from slam.study.paper.timing_kernels import polar_line_literal
 

@@ -5,7 +5,7 @@ import pytest
 
 from features.extract import extract
 from features.se2 import compose, pose
-from sim.lidar import Lidar
+from sim.sensing.lidar import Lidar
 from sim.worlds.built_in.room import room
 from slam.config import SlamConfig
 from slam.odometry.line_map import LineMap, walls_of_lines

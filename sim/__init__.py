@@ -2,17 +2,17 @@
 
 from sim.alpha_odometry import AlphaOdometry
 from sim.drive import drive_through
-from sim.effects import EFFECTS, Effects
 from sim.errors import WorldError
-from sim.labels import label_corners
-from sim.lidar import Lidar, Measurement
 from sim.odometry import WheelOdometry
 from sim.people import people_beside
 from sim.person import Person
 from sim.robot import OmniRobot, Robot, Trajectory
 from sim.run import ODOMETRIES, POOR_ODOMETRY, SimulatedRun, room_run
+from sim.sensing.effects import EFFECTS, Effects
+from sim.sensing.labels import label_corners
+from sim.sensing.lidar import Lidar, Measurement
+from sim.sensing.visibility import VisibleSections, visible_corners, visible_sections
 from sim.site_run import site_run
-from sim.visibility import VisibleSections, visible_corners, visible_sections
 from sim.worlds.built_in.paper import ENVIRONMENT_A_POSE, ENVIRONMENT_B_POSE, environment_a, environment_b
 from sim.worlds.built_in.random_rooms import random_pose, random_room, random_tour
 from sim.worlds.built_in.room import room, room_waypoints

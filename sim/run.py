@@ -9,11 +9,11 @@ from drivers.frame import Frame
 from features.se2 import Array
 from features.sensor import Mounting
 from sim.alpha_odometry import AlphaOdometry
-from sim.effects import Effects
-from sim.lidar import Lidar, Measurement
 from sim.odometry import Odometry, WheelOdometry
 from sim.person import Person
 from sim.robot import Robot, Trajectory
+from sim.sensing.effects import Effects
+from sim.sensing.lidar import Lidar, Measurement
 from sim.worlds.built_in.room import room, room_waypoints
 from sim.worlds.world import World
 

@@ -5,11 +5,11 @@ import numpy as np
 from features.se2 import Array
 from sim.drive import drive_through
 from sim.errors import WorldError
-from sim.lidar import Lidar
 from sim.odometry import Odometry
 from sim.people import people_beside
 from sim.robot import Robot
 from sim.run import POOR_ODOMETRY, SimulatedRun
+from sim.sensing.lidar import Lidar
 from sim.worlds.check import open_ends
 from sim.worlds.site import Site
 

@@ -3,7 +3,7 @@
 from drivers.rplidar import Answer, ScanStream
 from drivers.rplidar.protocol.requests import express_scan, motor_speed
 from sim.emulator import MODELS, Device, Scene
-from sim.lidar import Lidar
+from sim.sensing.lidar import Lidar
 from sim.site_run import site_run
 from sim.worlds.sites import find_site
 

@@ -7,10 +7,10 @@ import numpy as np
 from features.extract import extract
 from features.scan import LaserScan
 from features.sensor import SensorModel
-from sim.lidar import Lidar
 from sim.odometry import WheelOdometry
 from sim.robot import Robot
 from sim.run import SimulatedRun
+from sim.sensing.lidar import Lidar
 from sim.worlds.world import World
 from slam.config import SlamConfig
 from slam.odometry.line_map import LineMap, walls_of_lines

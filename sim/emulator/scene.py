@@ -6,8 +6,8 @@ import numpy as np
 
 from features.se2 import Array
 from features.sensor import sensor_preset
-from sim.lidar import Lidar
 from sim.robot import Trajectory
+from sim.sensing.lidar import Lidar
 from sim.worlds.world import World
 
 

@@ -12,9 +12,9 @@ import numpy.typing as npt
 from features.scan import LaserScan
 from features.se2 import Array, Pose
 from features.sensor import Mounting, sensor_preset
-from sim.effects import Effects, in_steps
 from sim.person import Person
-from sim.surroundings import Hits, cast_into, cos_incidence, mix_edges
+from sim.sensing.beam_hits import Hits, cast_into, cos_incidence, mix_edges
+from sim.sensing.effects import Effects, in_steps
 from sim.worlds.world import World
 
 _FULL_TURN = np.asarray(-math.pi + 2.0 * math.pi * np.arange(920) / 920.0, dtype=np.float64)

@@ -1,0 +1,1 @@
+"""What a lidar measures of a world: noise, effects, and which corners a scan shows."""
