@@ -1,12 +1,12 @@
 """Simulation: worlds, ray casting, lidar noise and robot motion; a run is one more source of frames, with its truth."""
 
-from sim.alpha_odometry import AlphaOdometry
-from sim.drive import drive_through
 from sim.errors import WorldError
-from sim.odometry import WheelOdometry
-from sim.people import people_beside
-from sim.person import Person
-from sim.robot import OmniRobot, Robot, Trajectory
+from sim.motion.alpha_odometry import AlphaOdometry
+from sim.motion.drive import drive_through
+from sim.motion.odometry import WheelOdometry
+from sim.motion.people import people_beside
+from sim.motion.person import Person
+from sim.motion.robot import OmniRobot, Robot, Trajectory
 from sim.run import ODOMETRIES, POOR_ODOMETRY, SimulatedRun, room_run
 from sim.sensing.effects import EFFECTS, Effects
 from sim.sensing.labels import label_corners

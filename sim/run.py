@@ -8,10 +8,10 @@ import numpy as np
 from drivers.frame import Frame
 from features.se2 import Array
 from features.sensor import Mounting
-from sim.alpha_odometry import AlphaOdometry
-from sim.odometry import Odometry, WheelOdometry
-from sim.person import Person
-from sim.robot import Robot, Trajectory
+from sim.motion.alpha_odometry import AlphaOdometry
+from sim.motion.odometry import Odometry, WheelOdometry
+from sim.motion.person import Person
+from sim.motion.robot import Robot, Trajectory
 from sim.sensing.effects import Effects
 from sim.sensing.lidar import Lidar, Measurement
 from sim.worlds.built_in.room import room, room_waypoints

@@ -3,11 +3,11 @@
 import numpy as np
 
 from features.se2 import Array
-from sim.drive import drive_through
 from sim.errors import WorldError
-from sim.odometry import Odometry
-from sim.people import people_beside
-from sim.robot import Robot
+from sim.motion.drive import drive_through
+from sim.motion.odometry import Odometry
+from sim.motion.people import people_beside
+from sim.motion.robot import Robot
 from sim.run import POOR_ODOMETRY, SimulatedRun
 from sim.sensing.lidar import Lidar
 from sim.worlds.check import open_ends
@@ -38,7 +38,7 @@ def site_run(
     seed : of all randomness of the run.
     waypoints : path, world frame, shape (n, 2), n >= 2 [m].
     odometry : errors of the wheels.
-    people : how many are about, see :func:`sim.people.people_beside`.
+    people : how many are about, see :func:`sim.motion.people.people_beside`.
     may_be_open : whether outlines may have open ends.
 
     Raises

@@ -7,8 +7,8 @@ import numpy as np
 from features.extract import extract
 from features.scan import LaserScan
 from features.sensor import SensorModel
-from sim.odometry import WheelOdometry
-from sim.robot import Robot
+from sim.motion.odometry import WheelOdometry
+from sim.motion.robot import Robot
 from sim.run import SimulatedRun
 from sim.sensing.lidar import Lidar
 from sim.worlds.world import World

@@ -6,7 +6,7 @@ import numpy as np
 
 from features.se2 import Array
 from features.sensor import sensor_preset
-from sim.robot import Trajectory
+from sim.motion.robot import Trajectory
 from sim.sensing.lidar import Lidar
 from sim.worlds.world import World
 

@@ -9,7 +9,7 @@ import numpy.typing as npt
 
 from features.se2 import Array
 from sim.casting.sincos import sincos
-from sim.person import Person
+from sim.motion.person import Person
 from sim.worlds.world import World
 
 

@@ -12,7 +12,7 @@ import numpy.typing as npt
 from features.scan import LaserScan
 from features.se2 import Array, Pose
 from features.sensor import Mounting, sensor_preset
-from sim.person import Person
+from sim.motion.person import Person
 from sim.sensing.beam_hits import Hits, cast_into, cos_incidence, mix_edges
 from sim.sensing.effects import Effects, in_steps
 from sim.worlds.world import World

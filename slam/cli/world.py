@@ -93,11 +93,11 @@ def simulate(
 ) -> None:
     """Drive a robot through a world; record what it measures, and the truth."""
     from drivers.recording.recorder import Recorder
+    from sim.motion.waypoints import read_waypoints
     from sim.run import ODOMETRIES
     from sim.sensing.effects import EFFECTS
     from sim.sensing.lidar import Lidar
     from sim.site_run import site_run
-    from sim.waypoints import read_waypoints
     from sim.worlds.sites import find_site
     from slam.errors import ConfigError
     from slam.run.interrupt import Interrupt

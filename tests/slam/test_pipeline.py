@@ -14,8 +14,8 @@ from features.extract import extract
 from features.scan import LaserScan
 from features.se2 import compose, pose, transform
 from features.sensor import Mounting
-from sim.odometry import WheelOdometry
-from sim.robot import Robot
+from sim.motion.odometry import WheelOdometry
+from sim.motion.robot import Robot
 from sim.run import SimulatedRun, room_run
 from sim.sensing.lidar import Lidar
 from sim.worlds.built_in.room import room

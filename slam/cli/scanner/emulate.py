@@ -12,7 +12,7 @@ if TYPE_CHECKING:
 
     from features.se2 import Array
     from sim.emulator import Device, Ledger
-    from sim.robot import Trajectory
+    from sim.motion.robot import Trajectory
 
 TRUTH_RATE = 50.0
 """True poses per second [Hz]."""
@@ -51,8 +51,8 @@ def emulate(
     """
     from sim.emulator import FAULTS, MODELS, Device, Scene, single_beams
     from sim.emulator.terminal import Terminal
+    from sim.motion.waypoints import read_waypoints
     from sim.site_run import site_run
-    from sim.waypoints import read_waypoints
     from sim.worlds.sites import find_site
     from slam.errors import ConfigError
     from slam.run.interrupt import Interrupt

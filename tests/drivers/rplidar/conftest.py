@@ -10,7 +10,7 @@ import pytest
 from drivers.rplidar import RequestReader
 from sim.emulator import MODELS, Device, Scene
 from sim.emulator.terminal import Terminal
-from sim.robot import Trajectory
+from sim.motion.robot import Trajectory
 from sim.sensing.lidar import Lidar
 from sim.worlds.built_in.room import room
 

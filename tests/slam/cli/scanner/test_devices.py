@@ -9,7 +9,7 @@ from serial.tools import list_ports
 
 from sim.emulator import MODELS, Device, Scene
 from sim.emulator.terminal import Terminal
-from sim.robot import Trajectory
+from sim.motion.robot import Trajectory
 from sim.sensing.lidar import Lidar
 from sim.worlds.built_in.room import room
 from slam.cli.main import main

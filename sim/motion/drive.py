@@ -8,7 +8,7 @@ import shapely
 
 from features.se2 import Array
 from sim.errors import WorldError
-from sim.robot import Robot, Trajectory
+from sim.motion.robot import Robot, Trajectory
 from sim.worlds.check import segments
 from sim.worlds.world import World
 

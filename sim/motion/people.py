@@ -4,9 +4,9 @@ import numpy as np
 import shapely
 
 from features.se2 import Array
-from sim.drive import ROBOT_RADIUS
 from sim.errors import WorldError
-from sim.person import Person
+from sim.motion.drive import ROBOT_RADIUS
+from sim.motion.person import Person
 from sim.worlds.check import segments
 from sim.worlds.world import World
 

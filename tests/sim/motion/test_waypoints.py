@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from sim import WorldError
-from sim.waypoints import read_waypoints
+from sim.motion.waypoints import read_waypoints
 
 
 @pytest.mark.parametrize(

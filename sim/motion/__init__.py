@@ -1,0 +1,1 @@
+"""How robots and people move, and what wheel odometry tells of it."""
