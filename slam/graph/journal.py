@@ -30,26 +30,26 @@ class JournaledGraph(LandmarkGraph):
     def add_key_frame(
         self, pose_world_robot: Pose, motion: Pose, motion_cov: Array, observations: Observations
     ) -> None:
-        """See :meth:`slam.graph.incremental.LandmarkGraph.add_key_frame`."""
+        """See :meth:`LandmarkGraph.add_key_frame`."""
         self._journal.append(("add_key_frame", (pose_world_robot, motion, motion_cov, observations)))
         super().add_key_frame(pose_world_robot, motion, motion_cov, observations)
 
     def add_closure(self, closure: Closure) -> None:
-        """See :meth:`slam.graph.incremental.LandmarkGraph.add_closure`."""
+        """See :meth:`LandmarkGraph.add_closure`."""
         self._journal.append(("add_closure", (closure,)))
         super().add_closure(closure)
 
     def merge(self, kept: int, other: int) -> None:
-        """See :meth:`slam.graph.incremental.LandmarkGraph.merge`."""
+        """See :meth:`LandmarkGraph.merge`."""
         self._journal.append(("merge", (kept, other)))
         super().merge(kept, other)
 
     def update(self) -> None:
-        """See :meth:`slam.graph.incremental.LandmarkGraph.update`."""
+        """See :meth:`LandmarkGraph.update`."""
         self._journal.append(("update", ()))
         super().update()
 
     def newest_cov(self) -> Array | None:
-        """See :meth:`slam.graph.incremental.LandmarkGraph.newest_cov`; iSAM2 keeps parts of it, so it is in the journal too."""
+        """See :meth:`LandmarkGraph.newest_cov`; iSAM2 keeps parts of it, so it is in the journal too."""
         self._journal.append(("newest_cov", ()))
         return super().newest_cov()

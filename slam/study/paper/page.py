@@ -39,7 +39,8 @@ def make_page(docs: Path, runs: Path, scheduler: str | None = None, workers: int
     Parameters
     ----------
     docs, runs : folders.
-    scheduler, workers : see :func:`slam.study.tasks.run.pool`; times are measured in this process, with no worker beside.
+    scheduler, workers : see :func:`slam.study.tasks.run.pool`; times are measured in this process, with no worker
+        beside.
 
     Raises
     ------

@@ -14,7 +14,7 @@ from slam.graph.incremental import LandmarkGraph
 from slam.loop.closer import LoopCloser
 from slam.loop.rules import LoopRules
 
-from .test_loop_closing import LAP, PILLARS, RING, ROUND, along, box
+from .test_closer import LAP, PILLARS, RING, ROUND, along, box
 
 RULES = LoopRules()
 NOTHING_SEEN = Observations(np.empty(0, np.int64), np.empty((0, 2)), np.empty((0, 2, 2)))
