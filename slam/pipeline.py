@@ -16,11 +16,11 @@ from slam.filter.association import Association, ObservationCounts
 from slam.filter.ekf import LandmarkEkf
 from slam.filter.front_end import FrontEnd
 from slam.filter.landmark_table import LandmarkTable
-from slam.graph.factors import Closure
 from slam.graph.journal import JournaledGraph
 from slam.graph.multi_hypothesis import Sighting
 from slam.graph.reassociation import reassociate
 from slam.graph.solution import Solution, solve
+from slam.graph.values import Closure
 from slam.key_frame import KeyFrame
 from slam.loop.closer import LoopCloser
 from slam.odometry.cloned_pose import Anchor

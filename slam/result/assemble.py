@@ -6,8 +6,8 @@ import numpy as np
 
 from features.se2 import transform
 from slam.config import SlamConfig
-from slam.graph.incremental import GraphEstimate
 from slam.graph.solution import Solution
+from slam.graph.values import GraphEstimate
 from slam.key_frame import KeyFrame
 from slam.result.records import Records
 from slam.result.result import LandmarkMap, RunMetrics, SlamResult

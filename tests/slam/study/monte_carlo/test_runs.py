@@ -17,7 +17,7 @@ from slam.errors import StudyError
 from slam.evaluation.evaluate import evaluate_simulated
 from slam.evaluation.metrics import ate, mean_interval, nees
 from slam.filter.association import Association, associate
-from slam.graph.incremental import Closure
+from slam.graph.values import Closure
 from slam.pipeline import Slam
 from slam.result.trajectory import Trajectory
 from slam.study.monte_carlo.bars import bars
