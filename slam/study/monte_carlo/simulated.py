@@ -12,8 +12,8 @@ from slam.errors import DivergedError
 from slam.evaluation.evaluate import evaluate_simulated
 from slam.evaluation.metrics import ate, nees
 from slam.filter.landmark_table import GONE, MERGED
+from slam.map.landmark_map import LandmarkMap
 from slam.pipeline import Slam
-from slam.result.result import LandmarkMap
 from slam.result.trajectory import Trajectory
 from slam.study.monte_carlo.truth import AssociationScore, ClosureScore, true_corners
 
