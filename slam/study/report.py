@@ -7,7 +7,7 @@ from typing import Any
 from distributed import Client
 
 from slam.errors import RunFolderError, StudyError
-from slam.run.progress import RunProgress
+from slam.run.progress_bar import ProgressBar
 from slam.study.monte_carlo.bars import bars, bars_table
 from slam.study.monte_carlo.runs import (
     MonteCarloSettings,
@@ -143,7 +143,7 @@ def study_timing(folder: Path, settings: TimingSettings) -> list[str]:
     """
     from slam.study.paper.plot import draw_figure_3, draw_steps
 
-    with RunProgress("timing") as progress:
+    with ProgressBar("timing") as progress:
         curve = figure_3_rows(settings, lambda share, count: progress.update(0.6 * share, count))
         steps = step_rows(settings)
         progress.update(0.8, len(curve) + len(steps))

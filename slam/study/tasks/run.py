@@ -21,7 +21,7 @@ from pydantic import BaseModel
 
 from slam.errors import RunFolderError, StudyError
 from slam.run.program import fingerprint
-from slam.run.progress import RunProgress
+from slam.run.progress_bar import ProgressBar
 from slam.study.tasks.journal import Journal, identity
 
 Work = Callable[[Any, int, int], Any]
@@ -138,7 +138,7 @@ def run_tasks(client: Client, folder: Path, study: str, settings: BaseModel, wor
     with Journal(folder, identity(study, settings)) as journal:
         left = [task for task in range(count) if task not in journal.results]
         failures: list[Failure] = []
-        with RunProgress(study, "tasks", begun=1.0 - len(left) / count) as progress:
+        with ProgressBar(study, "tasks", begun=1.0 - len(left) / count) as progress:
             if len(left) < count:
                 progress.say(f"{study}: goes on in {folder}, {count - len(left)} of {count} tasks are done")
             if not client.nthreads():
