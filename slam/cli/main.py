@@ -19,7 +19,9 @@ from slam.cli.scanner.devices import devices
 from slam.cli.scanner.emulate import emulate
 from slam.cli.scanner.live import live, record, replay
 from slam.cli.study import study
-from slam.cli.world import export, simulate, world
+from slam.cli.worlds.export import export
+from slam.cli.worlds.simulate import simulate
+from slam.cli.worlds.world import world
 
 app = typer.Typer(
     name="cwlf-slam",

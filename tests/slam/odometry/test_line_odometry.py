@@ -14,7 +14,7 @@ from drivers.frame import Frame
 from features.extract import extract
 from features.scan import LaserScan
 from features.se2 import between, compose, pose, wrap_angle
-from sim.run import room_run
+from sim import room_run
 from slam.config import SlamConfig
 from slam.errors import DivergedError
 from slam.evaluation.relations import Relations, read_relations, relations

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from features.se2 import compose, pose
-from sim.run import POOR_ODOMETRY, room_run
+from sim import POOR_ODOMETRY, room_run
 from slam.config import SlamConfig
 from slam.odometry.cloned_pose import DriftingPose
 from slam.odometry.motion_models import OdometryModel
