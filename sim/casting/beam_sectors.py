@@ -1,5 +1,5 @@
 # pyright: standard
-"""The beams of one scan, sorted into sectors of the full turn, and the ranges at which walls are hit by them."""
+"""The beams of one scan, sorted into sectors of the full turn, and the walls that they hit."""
 
 import math
 

@@ -14,13 +14,13 @@ FAULTS: Mapping[str, tuple[float, str]] = MappingProxyType(
         "stale-samples": (math.inf, "the scan of an earlier program goes on, and its samples come before each answer"),
         "banner": (math.inf, "text is printed after a reset, whatever the model"),
         "silent-reset": (math.inf, "2 s of silence after a reset, whatever the model"),
-        "protection-stop": (30.0, "begins in protection stop, and falls into it while scanning"),
+        "protection-stop": (30.0, "starts in protection stop, and falls into it while scanning"),
         "wrong-baud": (math.inf, "the line runs at the rate of another model"),
         "unplug": (30.0, "the cable is pulled out while scanning, for 1 to 3 s"),
         "encoder-reset": (10.0, "the angle is lost for a part of a turn"),
         "speed-change": (5.0, "the rotation becomes up to 20 % faster or slower"),
         "zero-sectors": (5.0, "a sector of 10 to 60 deg returns nothing, and it changes"),
-        "stall": (20.0, "the host takes nothing for 2 s, and has 64 KiB for what comes"),
+        "stall": (20.0, "the host reads nothing for 2 s, and its buffer holds 64 KiB"),
     }
 )
 """Faults by name: mean time between two of a kind [s], infinite where it is a lasting property, and a description.

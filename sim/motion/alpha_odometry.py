@@ -69,7 +69,7 @@ class AlphaOdometry:
         truth = np.asarray(poses_world_robot, dtype=np.float64)
         steps, turns = np.diff(truth[:, :2], axis=0), wrap_angle(np.diff(truth[:, 2]))
         n = len(turns)
-        translations = np.hypot(*steps.T)
+        translations = np.hypot(steps[:, 0], steps[:, 1])
         first = np.where(translations > _STILL, wrap_angle(np.arctan2(steps[:, 1], steps[:, 0]) - truth[:-1, 2]), 0.0)
         if not self.omnidirectional:
             backwards = abs(first) > math.pi / 2.0
@@ -85,7 +85,7 @@ class AlphaOdometry:
         slips = self.slip_length * np.sign(translations) * rng.standard_gamma(slip_counts)
         odom_translations = translations + sigma_translations * rng.standard_normal(n) + slips
         asides = sigma_translations * rng.standard_normal(n) if self.omnidirectional else np.zeros(n)
-        headings = truth[0, 2] + np.concatenate([[0.0], np.cumsum(turns + errors.sum(axis=0))])
+        headings: Array = truth[0, 2] + np.concatenate([[0.0], np.cumsum(turns + errors.sum(axis=0))])
         along = headings[:-1] + first + errors[0]
         c, s = np.cos(along), np.sin(along)
         odom_steps = np.column_stack([c * odom_translations - s * asides, s * odom_translations + c * asides])

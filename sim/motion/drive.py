@@ -52,7 +52,8 @@ def drive_through(world: World, waypoints: npt.ArrayLike, robot: Robot, rate: fl
         hit = tree.query(leg, predicate="intersects")
         if len(hit):
             places = shapely.intersection(lines[hit], leg)
-            wall = int(hit[np.argmin(shapely.distance(places, shapely.Point(start)))])
+            distances = shapely.distance(places, shapely.Point(start))  # pyright: ignore[reportUnknownMemberType]  # its keyword arguments are untyped
+            wall = int(hit[np.argmin(distances)])
             raise WorldError(f"{where}: the path from {_at(start)} to {_at(end)} goes through {_wall(world, wall)}")
     try:
         trajectory = robot.drive(points, rate)

@@ -89,7 +89,7 @@ class WheelOdometry:
         variance_turn = self.sigma_turn_per_radian**2 * abs(turns) + self.sigma_turn_per_metre**2 * abs(distances)
         distances = distances + np.sqrt(variance_distance) * rng.standard_normal(len(distances))
         odom_turns = odom_turns + np.sqrt(variance_turn) * rng.standard_normal(len(distances))
-        headings = truth[0, 2] + np.concatenate([[0.0], np.cumsum(odom_turns)])
+        headings: Array = truth[0, 2] + np.concatenate([[0.0], np.cumsum(odom_turns)])
         odom_middles = headings[:-1] + odom_turns / 2.0
         chords = distances * np.sinc(odom_turns / (2.0 * math.pi))
         c, s = np.cos(odom_middles), np.sin(odom_middles)

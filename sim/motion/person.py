@@ -41,12 +41,15 @@ class Person:
 
     def at(self, times: Array) -> Array:
         """Return the centres of the person, shape (n, 2), world frame [m], at times of shape (n,) [s]."""
-        walked = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(self.path, axis=0).T))])
+        steps = np.diff(self.path, axis=0)
+        walked = np.concatenate([[0.0], np.cumsum(np.hypot(steps[:, 0], steps[:, 1]))])
         length = walked[-1]
         if length == 0.0:
             return np.broadcast_to(self.path[0], (len(times), 2))
-        distances = length - abs(self.speed * times % (2.0 * length) - length)
-        return np.column_stack([np.interp(distances, walked, self.path[:, k]) for k in range(2)])
+        distances: Array = length - abs(self.speed * times % (2.0 * length) - length)
+        return np.column_stack(
+            [np.interp(distances, walked, self.path[:, 0]), np.interp(distances, walked, self.path[:, 1])]
+        )
 
     def cast(self, origins: Array, directions: Array, times: Array) -> tuple[Array, Array]:
         """Cast beams onto the person.

@@ -1,12 +1,13 @@
 """A check of walls: overlaps, crossings, open ends and walls that are unusable."""
 
 from collections.abc import Iterator
+from typing import cast
 
 import numpy as np
 import numpy.typing as npt
 import shapely
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import connected_components
+from scipy.sparse import coo_array  # pyright: ignore[reportMissingTypeStubs]  # scipy is untyped
+from scipy.sparse.csgraph import connected_components  # pyright: ignore[reportMissingTypeStubs, reportUnknownVariableType]  # scipy is untyped
 
 from features.se2 import Array
 
@@ -52,10 +53,12 @@ def open_ends(walls: Array) -> list[str]:
     meets = np.zeros((len(walls), 2), dtype=np.bool_)
     for one, other in ((first, second), (second, first)):
         for end in (0, 1):
-            near = shapely.distance(shapely.points(ends[one, end]), lines[other]) <= MEET
+            points = np.asarray(shapely.points(ends[one, end]), dtype=np.object_)
+            distances = shapely.distance(points, lines[other])  # pyright: ignore[reportUnknownMemberType]  # its keyword arguments are untyped
+            near = distances <= MEET
             meets[one[near], end] = True
     joined = coo_array((np.ones(len(first)), (first, second)), shape=(len(walls), len(walls)))
-    _, part = connected_components(joined, directed=False)
+    part = cast(npt.NDArray[np.int32], connected_components(joined, directed=False)[1])
     found: list[str] = []
     for label in np.unique(part[~meets.all(axis=1)]):
         members = np.flatnonzero(part == label)

@@ -122,7 +122,7 @@ def random_tour(world: World, rng: np.random.Generator, legs: int = 12, clearanc
     for _ in range(_MAX_BATCHES * legs):
         place = random_pose(world, rng, clearance)[:2]
         leg = shapely.LineString([tour[-1], place])
-        if leg.length > _LEG and shapely.distance(leg, walls) >= clearance:
+        if leg.length > _LEG and leg.distance(walls) >= clearance:
             tour.append(place)
         if len(tour) > legs:
             return np.array(tour)

@@ -37,7 +37,7 @@ def read_dxf(path: Path) -> Site:
         The file is no DXF, its drawing has no unit of length, or there is no line in it.
     """
     try:
-        drawing = ezdxf.filemanagement.readfile(path)
+        drawing = ezdxf.filemanagement.readfile(path)  # pyright: ignore[reportUnknownMemberType]  # its path is untyped
     except Exception as error:  # on a damaged file ezdxf raises errors of many types
         reason = " ".join(str(error).split()) or type(error).__name__
         raise WorldError(f"{path}: cannot be read as DXF: {reason}") from None

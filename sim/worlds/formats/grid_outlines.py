@@ -46,8 +46,10 @@ def trace_outlines(occupied: npt.NDArray[np.bool_]) -> list[Array]:
     -------
     Vertices of each outline, shape (n, 2), x y [cells]; the last one is joined to the first.
     """
-    padded = np.pad(occupied, 1)
-    centres_x, centres_y = np.arange(padded.shape[1]) - 0.5, np.arange(padded.shape[0]) - 0.5
+    padded: npt.NDArray[np.bool_] = np.pad(occupied, 1)
+    rows, columns = padded.shape
+    centres_x = np.arange(columns, dtype=np.float64) - 0.5
+    centres_y = np.arange(rows, dtype=np.float64) - 0.5
     generator = contour_generator(centres_x, centres_y, padded.astype(np.float64), fill_type=FillType.OuterOffset)
     filled = cast(tuple[list[Array], list[npt.NDArray[np.uint32]]], generator.filled(0.5, np.inf))
     rings: list[Array] = []
@@ -93,8 +95,8 @@ def _straightened(ring: Array, vertices: Array) -> Array:
     walls = _without_cuts(ring, at, lines)
     corners: list[Array] = []
     for before, behind in zip([walls[-1], *walls[:-1]], walls, strict=True):
-        meet = _meet(ring[at[behind]], lines[before], lines[behind])
-        corners.append(ring[at[behind]] if meet is None else meet)
+        corner = _intersect(ring[at[behind]], lines[before], lines[behind])
+        corners.append(ring[at[behind]] if corner is None else corner)
     outline = np.array(corners)
     # Where three walls meet in one point, the middle one has no length.
     kept = np.hypot(*(outline - np.roll(outline, 1, axis=0)).T) > SAME
@@ -108,7 +110,7 @@ def _without_cuts(ring: Array, at: list[int], lines: list[tuple[Array, Array]]) 
         end = at[(k + 1) % len(at)]
         short = np.hypot(*(ring[end] - ring[start])) < NEAR
         between_walls = len(at) > 3 and 0 < k < len(at) - 1 and k - 1 in walls
-        if not (short and between_walls and _meet(ring[start], lines[k - 1], lines[k + 1]) is not None):
+        if not (short and between_walls and _intersect(ring[start], lines[k - 1], lines[k + 1]) is not None):
             walls.append(k)
     return walls if len(walls) >= 3 else list(range(len(at)))
 
@@ -141,12 +143,12 @@ def _line(points: Array) -> tuple[Array, Array]:
     return mean, np.linalg.svd(inner - mean, full_matrices=False)[2][0]
 
 
-def _meet(vertex: Array, line: tuple[Array, Array], other: tuple[Array, Array]) -> Array | None:
+def _intersect(vertex: Array, line: tuple[Array, Array], other: tuple[Array, Array]) -> Array | None:
     """Intersect two lines; return the point, shape (2,), or None where it is not near the vertex."""
     (point, along), (other_point, other_along) = line, other
     cross = along[0] * other_along[1] - along[1] * other_along[0]
     offset = other_point - point
     if cross == 0.0:
         return None
-    meet = point + (offset[0] * other_along[1] - offset[1] * other_along[0]) / cross * along
-    return meet if np.hypot(*(meet - vertex)) <= NEAR else None
+    corner = point + (offset[0] * other_along[1] - offset[1] * other_along[0]) / cross * along
+    return corner if np.hypot(*(corner - vertex)) <= NEAR else None

@@ -7,6 +7,7 @@ import numpy as np
 import numpy.typing as npt
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
+from features.se2 import Array
 from sim.errors import WorldError
 from sim.worlds.site import Site
 

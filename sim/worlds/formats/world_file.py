@@ -60,4 +60,5 @@ def _reader(path: Path, file_format: str | None) -> Callable[[Path], Site]:
                     raise
                 raise WorldError(f"{path}: DXF needs ezdxf: pip install ezdxf") from None
             return read_dxf
-    raise WorldError(f"{path}: no format of a world: expected {', '.join(_SUFFIXES)}")
+        case _:
+            raise WorldError(f"{path}: no format of a world: expected {', '.join(_SUFFIXES)}")
