@@ -50,7 +50,6 @@ def landmark_map(solution: Solution, least_observations: int) -> LandmarkMap:
         positions=estimate.positions_world[kept],
         covs=estimate.covs[kept],
         observations=table.observations[ids],
-        convex=table.convex[ids],
-        opening_angles=table.opening_angles[ids],
+        signatures=table.signatures_world(ids, estimate.poses_world_robot[:, 2]),
         identities=table.identities[ids],
     )

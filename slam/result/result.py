@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from features.se2 import Array
+from features.signature import Kind, Signatures
 from slam.config import SlamConfig
 from slam.filter.association import ObservationCounts
 from slam.filter.landmark_table import LandmarkCounts
@@ -29,8 +30,7 @@ class LandmarkMap:
     positions : shape (n, 2) [m].
     covs : shape (n, 2, 2) [m^2].
     observations : times each was observed, shape (n,).
-    convex : shape (n,), bool.
-    opening_angles : NaN for a point that is no corner, shape (n,) [rad].
+    signatures : of the corners or points, shape (n,).
     identities : by which the source knows each, -1 for none, shape (n,).
     """
 
@@ -38,14 +38,23 @@ class LandmarkMap:
     positions: Array
     covs: Array
     observations: NDArray[np.int64]
-    convex: NDArray[np.bool_]
-    opening_angles: Array
+    signatures: Signatures
     identities: NDArray[np.int64]
 
     @property
     def points(self) -> NDArray[np.bool_]:
         """Whether each is a point that is no corner, shape (n,)."""
-        return np.isnan(self.opening_angles)
+        return self.signatures.kinds == Kind.POINT
+
+    @property
+    def convex(self) -> NDArray[np.bool_]:
+        """Whether each is a convex corner, shape (n,)."""
+        return self.signatures.kinds == Kind.CONVEX
+
+    @property
+    def opening_angles(self) -> Array:
+        """Angles between the two walls, shape (n,); NaN for a point that is no corner [rad]."""
+        return self.signatures.opening_angles
 
     def __len__(self) -> int:
         return self.ids.size
@@ -69,7 +78,7 @@ class LandmarkMap:
                     f"{cov[0, 1]:.6e}",
                     f"{cov[1, 1]:.6e}",
                     self.observations[k],
-                    "point" if self.points[k] else "convex" if self.convex[k] else "concave",
+                    Kind(self.signatures.kinds[k]).name.lower(),
                     "" if self.points[k] else f"{np.degrees(self.opening_angles[k]):.2f}",
                     "" if self.identities[k] < 0 else self.identities[k],
                 ]
