@@ -7,7 +7,8 @@ import pytest
 
 from sim.run import room_run
 from slam.config_file import load_config
-from slam.graph.incremental import LandmarkGraph, Observations
+from slam.graph.incremental import LandmarkGraph
+from slam.graph.values import Observations
 from slam.pipeline import Slam
 
 FRAMES = 1500

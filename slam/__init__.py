@@ -7,8 +7,9 @@ if TYPE_CHECKING:
     from slam.config import SlamConfig
     from slam.config_file import load_config
     from slam.evaluation.metrics import ate, rpe
+    from slam.map.landmark_map import LandmarkMap
     from slam.pipeline import Slam
-    from slam.result.result import LandmarkMap, SlamResult
+    from slam.result.result import SlamResult
     from slam.result.trajectory import Trajectory
     from slam.run.folder import save_run
     from slam.step import Step
@@ -27,7 +28,7 @@ __all__ = [
 ]
 
 _HOMES = {
-    "LandmarkMap": "slam.result.result",
+    "LandmarkMap": "slam.map.landmark_map",
     "Slam": "slam.pipeline",
     "SlamConfig": "slam.config",
     "SlamResult": "slam.result.result",

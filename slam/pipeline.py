@@ -16,18 +16,20 @@ from slam.filter.association import Association, ObservationCounts
 from slam.filter.ekf import LandmarkEkf
 from slam.filter.front_end import FrontEnd
 from slam.filter.landmark_table import LandmarkTable
-from slam.graph.factors import Closure
 from slam.graph.journal import JournaledGraph
 from slam.graph.multi_hypothesis import Sighting
 from slam.graph.reassociation import reassociate
 from slam.graph.solution import Solution, solve
+from slam.graph.values import Closure
 from slam.key_frame import KeyFrame
 from slam.loop.closer import LoopCloser
+from slam.map.landmark_map import landmark_map
 from slam.odometry.cloned_pose import Anchor
 from slam.parts import gates, line_odometry, loop_rules
-from slam.result.assemble import conclude, landmark_map
+from slam.result.assemble import conclude
 from slam.result.records import Records
-from slam.result.result import RunMetrics, SlamResult
+from slam.result.result import SlamResult
+from slam.result.run_metrics import RunMetrics
 from slam.result.stage_clock import StageClock, peak_memory_mb
 from slam.step import Step
 from slam.trust.monitor import Trust, Watch

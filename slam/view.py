@@ -12,7 +12,7 @@ from features.scan import LaserScan
 from features.sensor import SensorModel
 from slam.config import SlamConfig
 from slam.errors import ConfigError
-from slam.graph.incremental import Observations
+from slam.graph.values import Observations
 from slam.observed import observed_points
 from slam.odometry.deskew import deskew_by_odometry
 from slam.result.records import Records

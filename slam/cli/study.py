@@ -1,4 +1,4 @@
-"""The commands ``cwlf-slam study`` and ``cwlf-slam extract``; heavy imports wait for the command that needs them."""
+"""The commands ``cwlf-slam study``; heavy imports wait for the command that needs them."""
 
 from __future__ import annotations
 
@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
-from slam.cli.options import LOG, OdomTopic, ScanTopic
 from slam.cli.world import EffectsOption, OdometryOption, People
 
 if TYPE_CHECKING:
@@ -56,7 +55,7 @@ def corners(
 ) -> None:
     """Tables I and II: claimed uncertainty of each corner beside its true error, by each method."""
     from slam.study.paper.corners import CornerSettings
-    from slam.study.report import study_corners
+    from slam.study.paper.report import study_corners
 
     settings = CornerSettings(environment=environment, scans=scans, sigma_range_mm=sigma_range_mm, seed=seed)
     with _begun("corners", f"corners-{environment}", settings, out, overwrite, scheduler, workers) as (client, folder):
@@ -74,7 +73,7 @@ def consistency(
 ) -> None:
     """Where each covariance holds: NEES/2 and bias over noise, incidence, points, angle and distance."""
     from slam.study.paper.consistency import ConsistencySettings
-    from slam.study.report import study_consistency
+    from slam.study.paper.report import study_consistency
 
     settings = ConsistencySettings(trials=trials, seed=seed)
     with _begun("consistency", "consistency", settings, out, overwrite, scheduler, workers) as (client, folder):
@@ -103,8 +102,9 @@ def slam(
     overwrite: Overwrite = False,
 ) -> None:
     """Run the whole pipeline on simulated runs: errors, NEES, NIS, associations and duplicates against the truth."""
+    from slam.study.monte_carlo.report import study_slam
     from slam.study.monte_carlo.runs import MonteCarloSettings, simulated_run, study_config
-    from slam.study.report import failed, study_slam
+    from slam.study.tasks.run import failure_message
 
     settings = MonteCarloSettings(
         world=world,
@@ -122,7 +122,7 @@ def slam(
         lines, failures = study_slam(client, folder, settings)
         _print(lines, folder)
         if failures:
-            typer.echo(f"cwlf-slam: {failed(folder, failures, seeds)}", err=True)
+            typer.echo(f"cwlf-slam: {failure_message(folder, failures, seeds)}", err=True)
             raise typer.Exit(1)
 
 
@@ -138,8 +138,8 @@ def timing(
     from datetime import datetime
 
     from slam.run.folder import claimed, default_folder
+    from slam.study.paper.report import study_timing
     from slam.study.paper.timing import TimingSettings
-    from slam.study.report import study_timing
 
     settings = TimingSettings(repeats=repeats, sigma_range_mm=sigma_range_mm, seed=seed)
     with claimed(out or default_folder("timing", datetime.now()), overwrite=overwrite) as folder:
@@ -171,38 +171,6 @@ def scaling(
     from slam.study.monte_carlo.scaling import make_scaling_page
 
     typer.echo("\n".join(make_scaling_page(docs, out, rounds)))
-
-
-def extract_scan(
-    log: Annotated[Path, typer.Argument(help=LOG, show_default=False)],
-    scan: Annotated[int, typer.Option("--scan", min=0, help="Number of the scan, the first is 0.", show_default=False)],
-    scan_topic: ScanTopic = None,
-    odom_topic: OdomTopic = None,
-    plot: Annotated[Path | None, typer.Option("--plot", help="PNG file to draw.", show_default=False)] = None,
-    sensor: Annotated[
-        str | None,
-        typer.Option(
-            "--sensor", help="Sensor preset, such as rplidar-s1 or sick-lms; default: the log's.", show_default=False
-        ),
-    ] = None,
-    config: Annotated[
-        Path | None, typer.Option("--config", help="TOML file with any of the keys that `cwlf-slam config` prints.")
-    ] = None,
-) -> None:
-    """Show the lines and corners of one scan of a log."""
-    from drivers.open_log import open_log
-    from slam.config_file import load_config
-    from slam.study.paper.one_scan import feature_lines, scan_features
-
-    source = open_log(log, scan_topic=scan_topic, odom_topic=odom_topic)
-    effective = load_config(config, preset=sensor, source_preset=source.sensor, source_mounting=source.mounting)
-    taken, features = scan_features(source, scan, effective)
-    typer.echo("\n".join(feature_lines(taken, features)))
-    if plot is not None:
-        from slam.study.paper.one_scan_plot import draw_scan
-
-        draw_scan(plot, f"{source.name}, scan {scan}", taken, features, effective.sensor.range_max_m)
-        typer.echo(f"picture: {plot}")
 
 
 @contextmanager

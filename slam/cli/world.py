@@ -101,7 +101,7 @@ def simulate(
     from sim.worlds.sites import find_site
     from slam.errors import ConfigError
     from slam.run.interrupt import Interrupt
-    from slam.run.progress import RunProgress
+    from slam.run.progress_bar import ProgressBar
 
     try:
         lidar = Lidar.of_preset(sensor, effects=EFFECTS[effects])
@@ -129,7 +129,7 @@ def simulate(
         overwrite=overwrite,
     )
     scans, seconds = 0, 0.0
-    with Interrupt() as interrupt, RunProgress(source.name) as progress, recorder:
+    with Interrupt() as interrupt, ProgressBar(source.name) as progress, recorder:
         for frame, truth in zip(source, source.poses_world_robot, strict=True):
             recorder.write(frame, truth)
             scans, seconds = scans + (frame.scan is not None), frame.stamp

@@ -9,7 +9,8 @@ from numpy.typing import NDArray
 from scipy.special import chdtri
 
 from features.se2 import Array
-from slam.graph.factors import Closure, closure_factor, empty_tree
+from slam.graph.factors import closure_factor, empty_tree
+from slam.graph.values import Closure, GraphEstimate
 
 CLOSURE_GATE = float(chdtri(3, 1e-4))
 """What leaving a closure out takes off twice the cost of all else, beyond which the rest contradicts it (eq. M50)."""
@@ -22,27 +23,6 @@ MOST_SUSPECTS = 20
 
 COARSE, FINE = 1e-4, 1e-6
 """Relative change of the cost with which a solve ends, while closures are judged and at last."""
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class GraphEstimate:
-    """Result of a batch solve.
-
-    Parameters
-    ----------
-    poses_world_robot : of the key frames, shape (n, 3).
-    landmarks : indices of those that the graph holds, rising, shape (m,).
-    positions_world, covs : of these landmarks, shapes (m, 2) [m] and (m, 2, 2) [m^2].
-    converged : the solve ended before its limit of iterations.
-    revoked : closures that the rest of the graph contradicts and that were left out.
-    """
-
-    poses_world_robot: Array
-    landmarks: NDArray[np.int64]
-    positions_world: Array
-    covs: Array
-    converged: bool
-    revoked: tuple[Closure, ...] = ()
 
 
 @dataclass(frozen=True, slots=True, eq=False)

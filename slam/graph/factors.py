@@ -1,50 +1,16 @@
-"""What the factor graph is told of, and the factors that say it in GTSAM's coordinates."""
+"""Factors of the graph in GTSAM's coordinates."""
 
 import math
-from dataclasses import dataclass
 
 import gtsam
 import numpy as np
 from gtsam.symbol_shorthand import L, X
-from numpy.typing import NDArray
 
 from features.se2 import Array, Pose, rotation
+from slam.graph.values import Closure
 
 ANCHOR_SIGMAS = np.array([1e-4, 1e-4, 1e-5])
 """The first key frame defines the world frame; its prior is tight enough not to show in any covariance [m, m, rad]."""
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Observations:
-    """Corners seen from a key frame, as observations of landmarks.
-
-    Parameters
-    ----------
-    landmarks : indices, shape (k,).
-    positions_robot : shape (k, 2) [m].
-    covs : shape (k, 2, 2) [m^2].
-    """
-
-    landmarks: NDArray[np.int64]
-    positions_robot: Array
-    covs: Array
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Closure:
-    """Two key frames that show the same place.
-
-    Parameters
-    ----------
-    older, newer : indices of the key frames.
-    motion : pose of the newer one in the frame of the older one, shape (3,).
-    cov : covariance of its coordinates, shape (3, 3).
-    """
-
-    older: int
-    newer: int
-    motion: Pose
-    cov: Array
 
 
 def anchor_factor(pose_world_robot: Pose) -> gtsam.PriorFactorPose2:

@@ -9,16 +9,9 @@ from numpy.typing import NDArray
 
 from features.se2 import Array, Pose, compose, rotation, transform
 from slam.errors import DivergedError
-from slam.graph.batch import GraphEstimate, Problem
-from slam.graph.factors import (
-    Closure,
-    Observations,
-    anchor_factor,
-    closure_factor,
-    corner_factor,
-    empty_tree,
-    odometry_factor,
-)
+from slam.graph.batch import Problem
+from slam.graph.factors import anchor_factor, closure_factor, corner_factor, empty_tree, odometry_factor
+from slam.graph.values import Closure, GraphEstimate, Observations
 
 logger = logging.getLogger(__name__)
 

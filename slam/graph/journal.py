@@ -3,7 +3,8 @@
 from typing import Any
 
 from features.se2 import Array, Pose
-from slam.graph.incremental import Closure, LandmarkGraph, Observations
+from slam.graph.incremental import LandmarkGraph
+from slam.graph.values import Closure, Observations
 
 
 class JournaledGraph(LandmarkGraph):

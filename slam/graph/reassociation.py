@@ -10,9 +10,9 @@ from scipy.special import chdtri
 from features.se2 import Array, Pose
 from slam.errors import DivergedError
 from slam.filter.landmark_table import LandmarkTable
-from slam.graph.incremental import GraphEstimate, Observations
 from slam.graph.journal import JournaledGraph
 from slam.graph.multi_hypothesis import Sighting, most_likely
+from slam.graph.values import GraphEstimate, Observations
 
 logger = logging.getLogger(__name__)
 

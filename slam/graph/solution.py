@@ -9,7 +9,8 @@ from numpy.typing import NDArray
 from features.se2 import Array
 from slam.errors import DivergedError
 from slam.filter.landmark_table import LandmarkTable
-from slam.graph.incremental import GraphEstimate, LandmarkGraph
+from slam.graph.incremental import LandmarkGraph
+from slam.graph.values import GraphEstimate
 
 logger = logging.getLogger(__name__)
 

@@ -8,7 +8,7 @@ from scipy.stats import chi2
 
 from features.feature import Corners
 from features.se2 import Array, Pose, between, compose, inverse
-from slam.graph.factors import Closure
+from slam.graph.values import Closure
 from slam.loop.constellation import gather
 from slam.loop.dead_reckoning import DeadReckoning
 from slam.loop.geometric_hashing import PlaceIndex

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from features.se2 import Array, Pose, between, rotation, wrap_angle
-from slam.graph.factors import Closure
+from slam.graph.values import Closure
 from slam.odometry.line_map import NORMAL_X, NORMAL_Y, WALL_X, WALL_Y
 from slam.odometry.registration import Registration
 from slam.odometry.scan_points import ScanPoints

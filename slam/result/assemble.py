@@ -6,11 +6,12 @@ import numpy as np
 
 from features.se2 import transform
 from slam.config import SlamConfig
-from slam.graph.incremental import GraphEstimate
-from slam.graph.solution import Solution
+from slam.graph.values import GraphEstimate
 from slam.key_frame import KeyFrame
+from slam.map.landmark_map import LandmarkMap
 from slam.result.records import Records
-from slam.result.result import LandmarkMap, RunMetrics, SlamResult
+from slam.result.result import SlamResult
+from slam.result.run_metrics import RunMetrics
 from slam.result.smoothing import carry_corrections
 from slam.result.trajectory import Trajectory
 
@@ -37,19 +38,4 @@ def conclude(
         points=np.concatenate([transform(pose, key_frame.points_robot) for pose, key_frame in placed]),
         metrics=metrics,
         config=config,
-    )
-
-
-def landmark_map(solution: Solution, least_observations: int) -> LandmarkMap:
-    """Landmarks of the solution that are confirmed."""
-    estimate, table = solution.estimate, solution.table
-    kept = table.confirmed(least_observations)[estimate.landmarks]
-    ids = estimate.landmarks[kept]
-    return LandmarkMap(
-        ids=ids,
-        positions=estimate.positions_world[kept],
-        covs=estimate.covs[kept],
-        observations=table.observations[ids],
-        signatures=table.signatures_world(ids, estimate.poses_world_robot[:, 2]),
-        identities=table.identities[ids],
     )

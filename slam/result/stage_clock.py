@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import Any
 
-from slam.result.result import StageTime
+from slam.result.run_metrics import StageTime
 
 
 class StageClock:

@@ -4,8 +4,6 @@ import time
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from types import TracebackType
-from typing import Protocol, Self
 
 from drivers.frame import Frame, FrameSource
 from features.errors import CwlfError
@@ -15,7 +13,7 @@ from slam.result.result import SlamResult
 from slam.run.checkpoint import Stand, discard_checkpoint, write_checkpoint
 from slam.run.frame_digest import extend_digest
 from slam.run.interrupt import Interrupt
-from slam.run.progress import RunProgress
+from slam.run.progress import Progress
 from slam.step import Step
 
 LEAST_INTERVAL_S = 10.0
@@ -23,28 +21,6 @@ LEAST_INTERVAL_S = 10.0
 
 LEAST_SHARE = 30.0
 """How many times as long as writing it took a checkpoint has to be ago before the next."""
-
-
-class Progress(Protocol):
-    """Tells a person how far a run is; a context manager."""
-
-    def __enter__(self) -> Self: ...
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None: ...
-
-    def update(self, share: float, count: int) -> None:
-        """Show that ``share`` of all, 0 to 1, is done, and so many scans."""
-        ...
-
-    def solving(self) -> None:
-        """Show that the source is done and the graph is being solved."""
-        ...
-
-    def say(self, line: str) -> None:
-        """Print a line."""
-        ...
 
 
 @dataclass(slots=True)
@@ -55,15 +31,15 @@ class Session:
     ----------
     slam : as it is before the next frame.
     stand : the frames that it has processed.
+    progress : shows how far the run is.
     folder : where checkpoints go; None for a run that is not kept.
-    progress : tells how far it is; None for a bar.
     watch : sees every frame and what it did.
     """
 
     slam: Slam
     stand: Stand
+    progress: Progress
     folder: Path | None = None
-    progress: Progress | None = None
     watch: Callable[[Frame, Step], None] | None = None
 
     def run(self, source: FrameSource, limit: int | None = None) -> tuple[SlamResult, CwlfError | None]:
@@ -86,7 +62,7 @@ class Session:
         error: CwlfError | None = None
         complete = False
         with Interrupt() as interrupt:
-            with self.progress or RunProgress(source.name) as progress:
+            with self.progress as progress:
                 frames = interrupt.until(self._following(source))
                 try:
                     complete = self._process(frames, source, progress, limit)

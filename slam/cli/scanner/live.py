@@ -18,7 +18,8 @@ if TYPE_CHECKING:
     from drivers.recording.recorder import Recorder
     from drivers.rplidar import Rplidar
     from slam.pipeline import Slam
-    from slam.run.session import Progress, Session
+    from slam.run.progress import Progress
+    from slam.run.session import Session
     from slam.step import Step
 
 RECORDING = "recording.jsonl.gz"

@@ -13,7 +13,7 @@ from sim import Measurement, World, label_corners
 from slam.evaluation.evaluate import CORNER_DISTANCE
 from slam.evaluation.metrics import nees
 from slam.filter.association import Association
-from slam.graph.incremental import Closure
+from slam.graph.values import Closure
 
 Labels = NDArray[np.int64]
 

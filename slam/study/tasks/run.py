@@ -21,7 +21,7 @@ from pydantic import BaseModel
 
 from slam.errors import RunFolderError, StudyError
 from slam.run.program import fingerprint
-from slam.run.progress import RunProgress
+from slam.run.progress_bar import ProgressBar
 from slam.study.tasks.journal import Journal, identity
 
 Work = Callable[[Any, int, int], Any]
@@ -138,7 +138,7 @@ def run_tasks(client: Client, folder: Path, study: str, settings: BaseModel, wor
     with Journal(folder, identity(study, settings)) as journal:
         left = [task for task in range(count) if task not in journal.results]
         failures: list[Failure] = []
-        with RunProgress(study, "tasks", begun=1.0 - len(left) / count) as progress:
+        with ProgressBar(study, "tasks", begun=1.0 - len(left) / count) as progress:
             if len(left) < count:
                 progress.say(f"{study}: goes on in {folder}, {count - len(left)} of {count} tasks are done")
             if not client.nthreads():
@@ -205,3 +205,24 @@ def _write_failures(path: Path, failures: Sequence[Failure]) -> None:
             path.write_text("\n".join(f"{failure}\n{failure.trace}" for failure in failures), encoding="utf-8")
     except OSError as error:
         raise RunFolderError(f"{path}: cannot be written: {error.strerror or error}") from None
+
+
+def failure_message(folder: Path, failures: Sequence[Failure], count: int) -> str:
+    """Say in one line that tasks failed, and what to do."""
+    return (
+        f"{len(failures)} of {count} tasks failed, see {folder / FAILURES}; the others are kept in {folder}: "
+        "the same command tries the failed ones again"
+    )
+
+
+def all_results(folder: Path, outcome: Outcome) -> list[Any]:
+    """Results of all tasks, in their order.
+
+    Raises
+    ------
+    StudyError
+        A task failed.
+    """
+    if outcome.failures:
+        raise StudyError(failure_message(folder, outcome.failures, len(outcome.results) + len(outcome.failures)))
+    return list(outcome.results.values())

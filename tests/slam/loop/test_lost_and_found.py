@@ -9,8 +9,8 @@ from registration_scenes import CONFIG, LIDAR, SENSOR, points_of
 from features.extract import extract
 from features.se2 import between, compose, pose
 from sim.worlds.world import World
-from slam.graph.factors import Observations
 from slam.graph.incremental import LandmarkGraph
+from slam.graph.values import Observations
 from slam.loop.closer import LoopCloser
 from slam.loop.rules import LoopRules
 
