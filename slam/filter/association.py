@@ -188,11 +188,14 @@ def _joint_distance2(innovations: Array, cov: Array) -> float:
 
 
 def _joint_cov(corners_robot: Corners, ekf: LandmarkEkf, corners: Indices, landmarks: Indices) -> Array:
-    """Covariance of the innovations of several pairs together, shape (2 m, 2 m) [m^2]."""
+    """Covariance of the innovations of several pairs together, shape (2 m, 2 m) [m^2].
+
+    The block of two pairs of the same corner lacks the noise of the corner, which both share: no hypothesis has both.
+    """
     m = len(corners)
     _, cov = ekf.relative(landmarks)
-    rows, columns = np.nonzero(corners[:, None] == corners)
-    cov.reshape(m, 2, m, 2)[rows, :, columns] += corners_robot.covs[corners[rows]]
+    own = np.arange(m)
+    cov.reshape(m, 2, m, 2)[own, :, own] += corners_robot.covs[corners]
     return cov
 
 
