@@ -13,7 +13,7 @@ def observed_points(
     observations: LandmarkObservations, sensor: SensorModel
 ) -> tuple[Corners, NDArray[np.int64] | None]:
     """Points, robot frame, of the observations within the limits of the sensor, and their identities where known."""
-    seen = (observations.ranges >= sensor.range_min) & (observations.ranges <= sensor.range_max)
+    seen = sensor.returned(observations.ranges)
     ranges, bearings = observations.ranges[seen], observations.bearings[seen]
     if observations.covs is None:
         covs = np.broadcast_to(np.diag([sensor.sigma_range**2, sensor.sigma_bearing**2]), (ranges.size, 2, 2))

@@ -6,6 +6,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from features.returns import is_return
 from features.scan import LaserScan
 from features.se2 import TWO_PI, Array, Pose
 from features.sensor import SensorModel
@@ -41,7 +42,7 @@ def _seen_through(ranges, angles, range_min, range_max, points):
         for beside in range(at - BEAMS_BESIDE, at + BEAMS_BESIDE):
             beam = beside % angles.size
             reach = ranges[order[beam]]
-            returned = reach > 0.0 and range_min <= reach <= range_max
+            returned = is_return(reach, range_min, range_max)
             # A gap in the scan, such as behind a sensor that does not look all round, shows nothing.
             off = distance * abs((angles[beam] - bearing + math.pi) % TWO_PI - math.pi)
             if not (returned and reach > distance + SEEN_THROUGH and off < SEEN_THROUGH):
