@@ -1,7 +1,7 @@
 """Which landmark an observed corner is: gates, signature, and nearest neighbour or joint compatibility."""
 
 from dataclasses import dataclass
-from typing import Literal
+from typing import Literal, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -94,6 +94,22 @@ class Gates:
         self.birth_distance = birth_distance
         self.opening = opening
         self.orientation = orientation
+
+
+class Associator(Protocol):
+    """Matches the corners of a scan to landmarks; :func:`associate` is the one that comes with the project."""
+
+    def __call__(self, corners_robot: Corners, ekf: LandmarkEkf, signatures: Signatures, gates: Gates) -> Association:
+        """Match corners, robot frame, to the landmarks of the filter, each landmark at most once.
+
+        Parameters
+        ----------
+        corners_robot : of one scan.
+        ekf : the filter, moved to where the scan was taken.
+        signatures : of its landmarks, in the order of its state, world frame.
+        gates : limits, as configured.
+        """
+        ...
 
 
 def associate(corners_robot: Corners, ekf: LandmarkEkf, signatures: Signatures, gates: Gates) -> Association:

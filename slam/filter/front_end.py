@@ -14,7 +14,7 @@ from features.scan import LaserScan
 from features.se2 import Array, Pose, wrap_angle
 from features.sensor import SensorModel
 from features.signature import Kind, alike
-from slam.filter.association import Association, Gates, associate, associate_identified
+from slam.filter.association import Association, Associator, Gates, associate, associate_identified
 from slam.filter.ekf import POSE_DIM, LandmarkEkf, block_diagonal, corner_jacobian_blocks
 from slam.filter.landmark_table import GONE, LOCAL, LandmarkTable
 from slam.odometry.beams import seen_through
@@ -33,6 +33,7 @@ class FrontEnd:
     pose_world_robot, cov : first pose, shape (3,), and its covariance, shape (3, 3).
     gates : of the association.
     keep_distance : landmarks farther from the robot are laid to rest [m].
+    associator : another association than :func:`slam.filter.association.associate`; None for that one.
 
     Attributes
     ----------
@@ -43,7 +44,14 @@ class FrontEnd:
         where the robot is than the filter does.
     """
 
-    def __init__(self, pose_world_robot: Pose, cov: Array, gates: Gates, keep_distance: float) -> None:
+    def __init__(
+        self,
+        pose_world_robot: Pose,
+        cov: Array,
+        gates: Gates,
+        keep_distance: float,
+        associator: Associator | None = None,
+    ) -> None:
         self.ekf = LandmarkEkf(pose_world_robot, cov)
         self.table = LandmarkTable()
         self.local: Indices = np.empty(0, np.int64)
@@ -51,6 +59,7 @@ class FrontEnd:
         self._seen_at_once: set[tuple[int, int]] = set()
         self._gates = gates
         self._keep_distance = keep_distance
+        self._associator = associator
 
     def move(self, motion: Pose, cov: Array) -> None:
         """Predict: the robot moves by ``motion``, shape (3,), with covariance (3, 3)."""
@@ -71,7 +80,8 @@ class FrontEnd:
         """
         ekf, table = self.ekf, self.table
         if identities is None:
-            association = associate(corners_robot, ekf, table.signatures(self.local), self._gates)
+            associator = self._associator or associate
+            association = associator(corners_robot, ekf, table.signatures(self.local), self._gates)
             covs = corners_robot.covs[association.corners]
         else:
             known = table.identities[self.local]

@@ -10,6 +10,7 @@ from features.se2 import compose, pose
 from features.signature import Signatures
 from slam.filter.ekf import POSE_DIM, LandmarkEkf
 from slam.filter.front_end import transform_back
+from slam.graph.incremental import LandmarkGraph
 from slam.graph.multi_hypothesis import Sighting, most_likely
 from slam.graph.multi_hypothesis_kernel import move, succeed, weigh
 from slam.graph.reassociation import reassociate
@@ -72,7 +73,7 @@ def test_what_is_seen_at_once_is_never_one(seed):
 @pytest.mark.parametrize("seed", [1, 2, 3])
 def test_pairs_are_told_apart_without_identities(seed):
     sightings, _ = zip(*drive(seed), strict=True)
-    graph, table = reassociate(pose(), FIRST_COV, sightings, 2.0, 100)
+    graph, table = reassociate(LandmarkGraph(2.0), pose(), FIRST_COV, sightings, 100)
     estimate = graph.optimize(100)
     kept = table.confirmed(3)[estimate.landmarks]
     positions = estimate.positions_world[kept]
