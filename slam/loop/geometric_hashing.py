@@ -148,7 +148,8 @@ def _pairs(corners: Constellation, first: NDArray[np.int64], second: NDArray[np.
         bisectors = signatures.orientations - directions
         fields += [radius * np.cos(bisectors), radius * np.sin(bisectors)]
         fields += [signatures.opening_angles / SAME_ANGLE, FAR_APART * signatures.kinds]
-    return np.column_stack(fields)
+    # A point has no angles: it is the middle of that circle, and only its kind tells it from a corner.
+    return np.nan_to_num(np.column_stack(fields), nan=0.0)
 
 
 def _mean_of_voters(poses: Array, elected: Pose, middle: Array) -> Pose:
