@@ -42,6 +42,10 @@ class Mounting:
         """Points, shape (n, 2) or (2,) [m], of the sensor frame in the robot frame."""
         return points_sensor @ self.axes.T + np.array([self.x, self.y])
 
+    def points_to_sensor(self, points_robot: Array) -> Array:
+        """Points, shape (n, 2) or (2,) [m], of the robot frame in the sensor frame."""
+        return (points_robot - np.array([self.x, self.y])) @ self.axes
+
     def direction_to_robot(self, angle: float) -> float:
         """Angle of a direction of the sensor frame in the robot frame [rad]."""
         return wrap_angle(self.theta + (-angle if self.upside_down else angle))
