@@ -34,6 +34,12 @@ def wrap_angle(angle: float | Array) -> float | Array:
     return wrapped if wrapped < math.pi else -math.pi
 
 
+def _coordinates(pose_a_b: Pose) -> tuple[float, float, float]:
+    """Coordinates of a pose as plain floats."""
+    x, y, theta = pose_a_b.tolist()
+    return x, y, theta
+
+
 def pose(x: float = 0.0, y: float = 0.0, theta: float = 0.0) -> Pose:
     """Make a pose of its coordinates [m, m, rad]."""
     return np.array([x, y, wrap_angle(theta)])
@@ -47,24 +53,24 @@ def rotation(theta: float) -> Array:
 
 def compose(pose_a_b: Pose, pose_b_c: Pose) -> Pose:
     """Chain two poses: ``pose_a_c = pose_a_b (+) pose_b_c``."""
-    x, y, theta = pose_a_b.tolist()
+    x, y, theta = _coordinates(pose_a_b)
     c, s = math.cos(theta), math.sin(theta)
-    dx, dy, dtheta = pose_b_c.tolist()
+    dx, dy, dtheta = _coordinates(pose_b_c)
     return np.array([x + c * dx - s * dy, y + s * dx + c * dy, wrap_angle(theta + dtheta)])
 
 
 def inverse(pose_a_b: Pose) -> Pose:
     """Pose of frame a in frame b."""
-    x, y, theta = pose_a_b.tolist()
+    x, y, theta = _coordinates(pose_a_b)
     c, s = math.cos(theta), math.sin(theta)
     return np.array([-c * x - s * y, s * x - c * y, wrap_angle(-theta)])
 
 
 def between(pose_a_b: Pose, pose_a_c: Pose) -> Pose:
     """Pose of frame c in frame b: ``pose_b_c = (-) pose_a_b (+) pose_a_c``."""
-    x, y, theta = pose_a_b.tolist()
+    x, y, theta = _coordinates(pose_a_b)
     c, s = math.cos(theta), math.sin(theta)
-    to_x, to_y, to_theta = pose_a_c.tolist()
+    to_x, to_y, to_theta = _coordinates(pose_a_c)
     dx, dy = to_x - x, to_y - y
     return np.array([c * dx + s * dy, -s * dx + c * dy, wrap_angle(to_theta - theta)])
 
@@ -82,15 +88,15 @@ def transform_inverse(pose_a_b: Pose, points_a: Array) -> Array:
 def rotate_each(points: Array, angles: Array | float) -> Array:
     """Rotate points, shape (n, 2) [m], about the origin, each by its own angle, shape (n,), or all by one [rad]."""
     c, s = np.cos(angles), np.sin(angles)
-    x, y = points.T
+    x, y = points[:, 0], points[:, 1]
     return np.stack([c * x - s * y, s * x + c * y], axis=-1)
 
 
 def compose_each(poses_a_b: Array, poses_b_c: Array) -> Array:
     """Chain poses row by row, shape (n, 3) each, as :func:`compose` does single ones."""
-    x, y, theta = poses_a_b.T
+    x, y, theta = poses_a_b[:, 0], poses_a_b[:, 1], poses_a_b[:, 2]
     c, s = np.cos(theta), np.sin(theta)
-    dx, dy, dtheta = poses_b_c.T
+    dx, dy, dtheta = poses_b_c[:, 0], poses_b_c[:, 1], poses_b_c[:, 2]
     return np.stack([x + c * dx - s * dy, y + s * dx + c * dy, wrap_angle(theta + dtheta)], axis=-1)
 
 
@@ -98,7 +104,7 @@ def compose_jacobians(pose_a_b: Pose, pose_b_c: Pose) -> tuple[Array, Array]:
     """Differentiate :func:`compose` with respect to its first and its second argument, each (3, 3)."""
     theta = float(pose_a_b[2])
     c, s = math.cos(theta), math.sin(theta)
-    dx, dy, _ = pose_b_c.tolist()
+    dx, dy, _ = _coordinates(pose_b_c)
     first = np.array([[1.0, 0.0, -s * dx - c * dy], [0.0, 1.0, c * dx - s * dy], [0.0, 0.0, 1.0]])
     second = np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
     return first, second
