@@ -1,3 +1,4 @@
+# pyright: standard
 """From one scan to its lines and corners."""
 
 import math
@@ -17,12 +18,15 @@ from features.segmentation.beams import gather_returns, to_cartesian
 from features.segmentation.breaks import fit_rough, meet_at, trim_ends, walls_meet
 from features.segmentation.segments import SEGMENT_RECORD, find_jumps, find_segments, is_short
 from features.sensor import SensorModel
+from features.signature import Kind
 
 DEFAULT_CONFIG = ExtractionConfig()
 
+CONCAVE, CONVEX = int(Kind.CONCAVE), int(Kind.CONVEX)
+
 
 class _WorkArrays(threading.local):
-    """What a thread's calls work in; kept, so that a scan allocates its results only."""
+    """Work arrays of one thread, kept between calls, so that a scan allocates only its results."""
 
     beams = -1
     points: Array
@@ -30,7 +34,7 @@ class _WorkArrays(threading.local):
     segments: NDArray[np.void]
 
     def hold(self, beams: int) -> None:
-        # A closed scan is worked on from any of its points a whole turn onwards.
+        # A closed scan is processed from any of its points through a whole turn.
         size = 2 * beams + 2
         self.points = np.empty((4, size))
         self.indices = np.empty((3, size), np.int64)
@@ -44,8 +48,8 @@ _work = _WorkArrays()
 def extract(scan: LaserScan, model: SensorModel, config: ExtractionConfig = DEFAULT_CONFIG) -> Features:
     """Extract the lines and corners of a scan.
 
-    Clusters by jump distance, splits by IEPF, moves each break to where its two walls meet, fits each segment and
-    intersects neighbours.
+    Points are clustered by jump distance and split by iterative end point fit (IEPF). The break between two segments is
+    moved to where their walls meet. A line is fitted to each segment; lines of neighbouring segments are intersected.
 
     Parameters
     ----------
@@ -56,7 +60,7 @@ def extract(scan: LaserScan, model: SensorModel, config: ExtractionConfig = DEFA
     Returns
     -------
     Features
-        Lines and corners in the sensor frame, counter-clockwise; both empty where the scan shows none.
+        Lines and corners in the sensor frame, in counter-clockwise order.
     """
     ranges = scan.ranges
     if ranges.size > _work.beams:
@@ -174,5 +178,5 @@ def find_corner(xs, ys, segment_a, segment_b, line_a, line_b, rules, corner):
     cross = ax * by - ay * bx
     corner.opening_angle = abs(math.atan2(cross, ax * bx + ay * by))
     corner.orientation = math.atan2(ay * length_b + by * length_a, ax * length_b + bx * length_a)
-    corner.convex = cross > 0.0
+    corner.kind = CONVEX if cross > 0.0 else CONCAVE
     return rules.corner_angle_min <= corner.opening_angle <= rules.corner_angle_max
