@@ -3,8 +3,8 @@
 import math
 
 import numpy as np
-from numba import njit
 
+from features.compiled import inner
 from features.se2 import TWO_PI
 
 TURN_BITS = 30
@@ -20,7 +20,7 @@ C2, C4, C6, C8, C10, C12, C14, C16 = ((-1.0) ** k / math.factorial(2 * k) for k 
 """Taylor coefficients of sine and cosine; up to pi / 4 what follows them is below 1e-16."""
 
 
-@njit(cache=True, error_model="numpy")
+@inner()
 def turn_of(angles):
     """Return 1 where the angles rise, or stay, through at most one turn, -1 where they fall, and else 0."""
     falls = 0
@@ -33,21 +33,27 @@ def turn_of(angles):
     return 1 if falls == 0 else -1
 
 
-@njit(cache=True, error_model="numpy")
+@inner()
 def gather_returns(scan_ranges, scan_angles, range_min, range_max, ranges, angles, beams):
     """Fill range, angle and index of the beams with a return, counter-clockwise through at most one turn.
 
     Returns their number and the mean angle between neighbouring beams, returned or not, across the arc that they cover.
     """
-    size = scan_angles.size
     turn = turn_of(scan_angles)
-    if turn == 0:
-        wrapped = scan_angles % TWO_PI
-        order = np.argsort(wrapped, kind="mergesort")
-        n, spacing = gather_returns(scan_ranges[order], wrapped[order], range_min, range_max, ranges, angles, beams)
-        for i in range(n):
-            beams[i] = order[beams[i]]
-        return n, spacing
+    if turn != 0:
+        return _gather(scan_ranges, scan_angles, turn, range_min, range_max, ranges, angles, beams)
+    wrapped = scan_angles % TWO_PI
+    order = np.argsort(wrapped, kind="mergesort")
+    n, spacing = _gather(scan_ranges[order], wrapped[order], 1, range_min, range_max, ranges, angles, beams)
+    for i in range(n):
+        beams[i] = order[beams[i]]
+    return n, spacing
+
+
+@inner()
+def _gather(scan_ranges, scan_angles, turn, range_min, range_max, ranges, angles, beams):
+    """Fill the same from angles that rise (``turn`` is 1) or fall (-1) through at most one turn."""
+    size = scan_angles.size
     # Whole turns are taken off, so that sine and cosine see small angles.
     whole_turns = TWO_PI * np.rint(scan_angles[0] / TWO_PI)
     beam = 0 if turn > 0 else size - 1
@@ -66,7 +72,7 @@ def gather_returns(scan_ranges, scan_angles, range_min, range_max, ranges, angle
     return n, (TWO_PI - largest_step) / max(size - 1, 1)
 
 
-@njit(cache=True, error_model="numpy", fastmath={"contract"}, forceinline=True)
+@inner(fastmath={"contract"}, forceinline=True)
 def to_cartesian(ranges, angles, n, xs, ys):
     """Fill x and y of n points whose angles lie within a few turns.
 

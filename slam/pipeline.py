@@ -10,7 +10,6 @@ from numpy.typing import NDArray
 from drivers.frame import Frame
 from features.se2 import Array, Pose, compose
 from slam.association import Association, ObservationCounts
-from slam.compiled import announced, load_compiled
 from slam.conclude import conclude, landmark_map
 from slam.config import SlamConfig
 from slam.coupling import close_loop, merge, rebase
@@ -60,7 +59,6 @@ class Slam:
         self._unidentified: list[Sighting] = []
         self._observations = ObservationCounts()
         self._watch = Watch(config.front_end.match_probability, wheels=config.odometry.source == "line-aided")
-        load_compiled(config)
         self._clock = StageClock("extract", "odometry", "front_end", "back_end", "loop")
 
     @property
@@ -259,10 +257,9 @@ class Slam:
         graph, table, back_end = self._graph, self._front.table, self.config.back_end
         if len(self._unidentified) == len(self._key_frames):
             first_pose = graph.poses_world_robot[0]
-            with announced():
-                graph, table = reassociate(
-                    first_pose, FIRST_POSE_COV, self._unidentified, back_end.cauchy_scale, back_end.max_iterations
-                )
+            graph, table = reassociate(
+                first_pose, FIRST_POSE_COV, self._unidentified, back_end.cauchy_scale, back_end.max_iterations
+            )
         return solve(graph, table, back_end.max_iterations)
 
     def _metrics(self, solution: Solution, landmarks: int, interrupted: bool) -> RunMetrics:
