@@ -39,21 +39,17 @@ def gather_returns(scan_ranges, scan_angles, range_min, range_max, ranges, angle
 
     Returns their number and the mean angle between neighbouring beams, returned or not, across the arc that they cover.
     """
-    turn = turn_of(scan_angles)
-    if turn != 0:
-        return _gather(scan_ranges, scan_angles, turn, range_min, range_max, ranges, angles, beams)
-    wrapped = scan_angles % TWO_PI
-    order = np.argsort(wrapped, kind="mergesort")
-    n, spacing = _gather(scan_ranges[order], wrapped[order], 1, range_min, range_max, ranges, angles, beams)
-    for i in range(n):
-        beams[i] = order[beams[i]]
-    return n, spacing
-
-
-@inner()
-def _gather(scan_ranges, scan_angles, turn, range_min, range_max, ranges, angles, beams):
-    """Fill the same from angles that rise (``turn`` is 1) or fall (-1) through at most one turn."""
     size = scan_angles.size
+    turn = turn_of(scan_angles)
+    order = np.empty(0, np.int64)
+    # A second time where rounding makes a whole turn of an angle just below zero.
+    while turn == 0:
+        wrapped = scan_angles % TWO_PI
+        rising = np.argsort(wrapped, kind="mergesort")
+        scan_ranges = scan_ranges[rising]
+        scan_angles = wrapped[rising]
+        order = order[rising] if order.size > 0 else rising
+        turn = turn_of(scan_angles)
     # Whole turns are taken off, so that sine and cosine see small angles.
     whole_turns = TWO_PI * np.rint(scan_angles[0] / TWO_PI)
     beam = 0 if turn > 0 else size - 1
@@ -69,6 +65,9 @@ def _gather(scan_ranges, scan_angles, turn, range_min, range_max, ranges, angles
         beams[n] = beam
         n += (scan_ranges[beam] > 0.0) & (scan_ranges[beam] >= range_min) & (scan_ranges[beam] <= range_max)
         beam += turn
+    if order.size > 0:
+        for i in range(n):
+            beams[i] = order[beams[i]]
     return n, (TWO_PI - largest_step) / max(size - 1, 1)
 
 
