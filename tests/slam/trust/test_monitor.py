@@ -182,6 +182,5 @@ def test_doubts_are_kept_in_the_order_in_which_they_came_and_each_is_logged_once
     assert [what for what, _ in raised(watch)] == ["blind", "odometry"]
     assert [record.levelno for record in caplog.records] == [logging.WARNING] * 2
     assert all(
-        doubt.sentence in record.getMessage()
-        for doubt, record in zip(watch.trust.reasons, caplog.records, strict=True)
+        doubt.sentence in record.getMessage() for doubt, record in zip(watch.trust.reasons, caplog.records, strict=True)
     )
