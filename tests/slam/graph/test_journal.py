@@ -30,7 +30,7 @@ def told(seed, count=14):
         truth.append(here)
         which = np.sort(rng.choice(6, 4, replace=False))
         positions = (LANDMARKS[which] - here[:2]) @ rotation(here[2]) + rng.normal(0.0, 0.02, (4, 2))
-        names = np.where((which == 2) & (5 <= key) & (key < 9), ALIAS + which, which)
+        names = np.where((which == 2) & (key >= 5) & (key < 9), ALIAS + which, which)
         seen = Observations(names, positions, np.repeat(point_cov[None], 4, axis=0))
         yield "add_key_frame", (here, motion + rng.multivariate_normal(np.zeros(3), motion_cov), motion_cov, seen)
         if key == 8:

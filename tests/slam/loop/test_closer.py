@@ -252,7 +252,7 @@ def test_the_passage_of_a_key_frame_is_the_way_about_it_on_that_visit():
 
 @pytest.mark.parametrize(("sigma", "believed"), [(100.0, True), (0.1, False)])
 def test_walls_of_a_place_where_odometry_cannot_be_are_those_of_a_copy(sigma, believed):
-    """The estimate puts the robot back to the ring, where both looks fit; odometry says that it is 40 m away from it."""
+    """The estimate puts the robot back to the ring, where both looks fit; odometry says that it is 40 m away."""
     rng = np.random.default_rng(3)
     truth = along(ROUND, 16)
     scans = [seen(RING, here, rng) for here in truth]

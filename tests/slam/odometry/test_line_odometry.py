@@ -310,7 +310,7 @@ def scanned_after(motion, monkeypatch, register_):
 
 
 def feigned(looks):
-    """A registration that finds a step along x, from its prior, and a share: those of ``looks``, one after the other."""
+    """A registration that finds a step along x from its prior, and a share: each of ``looks`` in turn."""
     looks = iter(looks)
 
     def register(scan, walls, prior, prior_cov, start, rules):

@@ -196,8 +196,8 @@ def test_the_mounting_does_not_matter_to_the_robot(mounting):
 def test_the_share_is_of_the_points_within_three_sigmas_of_a_wall():
     """Points anywhere within 0.12 m of a wall, and a prior so sure that nothing moves.
 
-    The sigma of each is that of eq. M3 at the wall, with its roughness; those within a thousandth of the gate, which the
-    rounding of the pose could take over it, are left out.
+    The sigma of each is that of eq. M3 at the wall, with its roughness; those within a thousandth of the gate are left
+    out, as rounding could take them over it.
     """
     wall = one_wall(3.0, 0.4)[None]
     scan = seen_walls(wall, pose(), np.random.default_rng(8))

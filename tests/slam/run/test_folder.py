@@ -98,7 +98,7 @@ def test_an_empty_folder_may_be_claimed_and_one_that_holds_something_only_to_be_
     with claimed(tmp_path, overwrite=False):
         pass
     (tmp_path / "result").write_text("old")
-    with pytest.raises(RunFolderError, match="is not empty.*--overwrite"), claimed(tmp_path, overwrite=False):
+    with pytest.raises(RunFolderError, match=r"is not empty.*--overwrite"), claimed(tmp_path, overwrite=False):
         pytest.fail("it was claimed")
     with claimed(tmp_path, overwrite=True):
         assert (tmp_path / "result").read_text() == "old"
@@ -120,22 +120,27 @@ def test_a_folder_that_cannot_be_written_to_is_told_before_the_run(tmp_path, mon
         pytest.fail("it was claimed")
 
 
+def failing_run(folder, error, leaves):
+    with claimed(folder, overwrite=False):
+        for name in leaves:
+            (folder / name).touch()
+        raise error
+
+
 @pytest.mark.parametrize("error", [RuntimeError, KeyboardInterrupt])
 def test_after_an_error_an_empty_folder_goes_again_if_it_was_made_for_the_run(tmp_path, error):
     mine, made, used = tmp_path / "mine", tmp_path / "made", tmp_path / "used"
     mine.mkdir()
     for folder in (mine, made, used):
-        with pytest.raises(error), claimed(folder, overwrite=False):
-            if folder == used:
-                (folder / "checkpoint").touch()
-            raise error
+        with pytest.raises(error):
+            failing_run(folder, error, leaves=["checkpoint"] if folder == used else [])
     assert names(tmp_path) == ["mine", "used"]
     assert names(used) == ["checkpoint"]
 
 
 def test_what_cannot_be_written_is_an_error_that_names_the_folder(tmp_path, result):
     (tmp_path / "file").touch()
-    with pytest.raises(RunFolderError, match="file.*cannot be written"):
+    with pytest.raises(RunFolderError, match=r"file.*cannot be written"):
         save_run(tmp_path / "file" / "run", result)
     (tmp_path / "run" / "trajectory.tum").mkdir(parents=True)
     with pytest.raises(RunFolderError, match="run: cannot be written"):
