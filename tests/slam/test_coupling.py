@@ -205,7 +205,7 @@ def test_only_landmarks_of_the_passage_that_is_seen_again_are_woken(passage):
 
 
 def test_landmarks_born_again_before_the_loop_was_closed_are_merged_with_those_that_wake():
-    """Back at the pillars the filter, half a metre off, takes them for new ones; the closed loop shows what they are."""
+    """Back at the pillars the filter, half a metre off, takes them for new ones, until the loop is closed."""
     drive, _ = returned()
     again = drive.go(pose(0.2), sees=[0, 1, 2])
     assert again.tolist() == [3, 4, 5]

@@ -1,4 +1,4 @@
-"""What a frame shows: corners in the robot's frame, without the motion during the scan, or landmarks that were found."""
+"""What a frame shows: corners in the robot's frame, without the motion during the scan, or landmarks as given."""
 
 import math
 from dataclasses import replace
