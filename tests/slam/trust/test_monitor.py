@@ -6,7 +6,7 @@ import math
 import numpy as np
 import pytest
 
-from features.se2 import compose, inverse, pose, transform
+from features.se2 import compose, inverse, pose, rotation, transform
 from slam.filter.association import Association
 from slam.trust.monitor import BLIND_TRAVEL, JUDGED, MOST_REJECTED, SMALL_MOTION, SMALL_TURN, Watch
 from slam.trust.nis import WINDOW
@@ -114,6 +114,17 @@ def test_a_scan_that_tells_no_more_than_that_is_not_doubted(points, motion, shar
     assert raised(watch) == []
 
 
+@pytest.mark.parametrize(("new", "doubted"), [(0.4, False), (0.6, True)])
+def test_a_scan_of_which_more_than_half_is_new_is_doubted(new, doubted):
+    """People may hide a part of what was seen before, not most of it."""
+    count = round(new * len(PILLARS))
+    points = np.concatenate([PILLARS[:count] + 0.9, PILLARS[count:]])
+    watch = watching()
+    watch.registered(1.0, PILLARS, pose(), pose(), SURE, rejected=False)
+    watch.registered(2.0, points, pose(), pose(), NOWHERE, rejected=False)
+    assert [what for what, _ in raised(watch)] == ["carried away"] * doubted
+
+
 @pytest.mark.parametrize("share", [NOWHERE, 0.1])
 def test_a_scan_is_laid_on_the_one_before_by_the_motion_between_them(share):
     """From 0.45 m further on and 18 deg turned, each way: all else would put these points beside those of before."""
@@ -165,10 +176,13 @@ def test_wheels_are_judged_in_motion_only_and_only_where_they_predict():
         assert [what for what, _ in raised(watch)] == ["odometry"]
 
 
+@pytest.mark.parametrize("reported", [0.0, 90.0, -160.0])
 @pytest.mark.parametrize("angle", [90.0, -60.0])
-def test_the_doubt_of_the_wheels_names_the_angle_by_which_they_are_turned(angle):
-    watch = watching()
-    driven(watch, [True] * JUDGED, pose(0.1 * math.cos(math.radians(angle)), 0.1 * math.sin(math.radians(angle))))
+def test_the_doubt_of_the_wheels_names_the_angle_by_which_they_are_turned(angle, reported):
+    """Whatever direction the wheels report, the robot moves to the left of it by the angle."""
+    watch, ahead = watching(), np.array([0.1, 0.0])
+    motion, by_wheels = (pose(*(rotation(math.radians(each)) @ ahead)) for each in (reported + angle, reported))
+    driven(watch, [True] * JUDGED, motion, by_wheels)
     (doubt,) = watch.trust.reasons
     assert f"moves {angle:.0f} deg beside its heading" in doubt.sentence
 
