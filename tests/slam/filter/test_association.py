@@ -274,3 +274,17 @@ def test_joint_compatibility_is_right_more_often_than_the_nearest_neighbour():
             wrong_pairs[method] += int((~right).sum())
     assert true_pairs["joint"] > 0.95 * 60 * 8
     assert wrong_pairs["joint"] < 0.2 * wrong_pairs["nearest"]
+
+
+@either_method
+def test_two_points_without_signature_that_are_seen_at_once_are_two_however_near(method):
+    """A corner beside one that is matched may be half of it; a point, such as a barcode, stands for itself."""
+    rules = gates(method, birth_distance=0.5)
+    positions = [[2.0, 1.0], [2.3, 1.0]]
+    known, seen = ([[2.0, 1.0]], positions)
+    points = corners(seen, openings=math.nan, orientations=math.nan)
+    assert outcome(points, corners(known, openings=math.nan, orientations=math.nan), rules) == ({0: 0}, [1])
+    assert outcome(corners(seen), corners(known), rules) == ({0: 0}, [])
+    # Alone it is too near to what was not seen just now to be another one.
+    lone = corners([[2.3, 1.0]], openings=math.nan, orientations=math.nan)
+    assert outcome(lone, corners(known, openings=math.nan, orientations=math.nan), rules) == ({}, [])

@@ -94,3 +94,13 @@ def test_updates_without_a_pair_count_for_nothing() -> None:
     summary = watch.summary()
     assert summary is not None
     assert (summary.windows, summary.above, summary.below) == (1, 0.0, 0.0)
+
+
+def test_single_updates_far_off_that_share_no_window_are_not_told() -> None:
+    """Each takes all windows that it is in above their bounds, one fewer than would be told; between them all is well."""
+    watch = NisWatch(0.99)
+    for k in range(10 * WINDOW):
+        assert not watch.add(1e4 if k % (2 * WINDOW) == 0 else 2.0 * PAIRS, PAIRS)
+    summary = watch.summary()
+    assert summary is not None
+    assert 0.4 < summary.above < 0.6

@@ -190,3 +190,22 @@ def test_blocks_of_the_framer_leave_no_seam(answer):
     )
     assert decoder.counts.dropped_bytes == 0
     assert len(batches) >= 2
+
+
+@pytest.mark.parametrize("answer", [answer for answer in FORMATS if FORMATS[answer].measure is not None])
+def test_a_revolution_that_starts_with_a_capsule_is_noticed_however_the_bytes_come(answer):
+    """The last sample before it came with another feed, and its angle is told by what lies between two capsules."""
+    samples, step = FORMATS[answer].samples, 0.4
+    first = 360.0 + 0.5 * step - 2.0 * step * samples
+    sent = stream(answer, 6, np.random.default_rng(0), first_deg=first, step_deg=step)
+    decoder = SampleDecoder(answer)
+    one_by_one = joined([batch for packet in sent.packets for batch in decoder.feed(packet)])
+    for found in (whole(answer, sent.packets), one_by_one):
+        assert found.starts.nonzero()[0].tolist() == [2 * samples]
+
+
+def test_a_scanner_that_does_not_turn_starts_no_revolution():
+    decoder = SampleDecoder(Answer.DENSE)
+    batches = decoder.feed(b"".join(encode_dense(np.radians(30.0), np.ones(40)) for _ in range(5)))
+    assert len(joined(batches)) == 4 * 40
+    assert not joined(batches).starts.any()
