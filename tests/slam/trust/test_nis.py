@@ -97,7 +97,7 @@ def test_updates_without_a_pair_count_for_nothing() -> None:
 
 
 def test_single_updates_far_off_that_share_no_window_are_not_told() -> None:
-    """Each takes all windows that it is in above their bounds, one fewer than would be told; between them all is well."""
+    """Each takes all windows that it is in above their bounds, one fewer than would be told, and then all is well."""
     watch = NisWatch(0.99)
     for k in range(10 * WINDOW):
         assert not watch.add(1e4 if k % (2 * WINDOW) == 0 else 2.0 * PAIRS, PAIRS)
