@@ -11,7 +11,7 @@ from scipy.stats import chi2
 
 from features.feature import Corners
 from features.se2 import compose, pose, rotation, transform, wrap_angle
-from slam.filter.association import Gates, Signatures, associate
+from slam.filter.association import Gates, ObservationCounts, Signatures, associate
 from slam.filter.association import _innovations as innovations  # the covariances that the gate works with
 from slam.filter.ekf import LandmarkEkf, predict_corners
 
@@ -288,3 +288,14 @@ def test_two_points_without_signature_that_are_seen_at_once_are_two_however_near
     # Alone it is too near to what was not seen just now to be another one.
     lone = corners([[2.3, 1.0]], openings=math.nan, orientations=math.nan)
     assert outcome(lone, corners(known, openings=math.nan, orientations=math.nan), rules) == ({}, [])
+
+
+@either_method
+def test_each_corner_is_counted_once_also_a_point_that_is_new_within_the_gate_of_another(method):
+    known = world(corners([[2.0, 1.0]], openings=math.nan, orientations=math.nan))
+    seen = corners([[2.0, 1.0], [2.05, 1.0], [2.3, 1.0]], openings=math.nan, orientations=math.nan)
+    association = associate(seen, *known, gates(method, birth_distance=0.5))
+    assert (association.corners.tolist(), association.new.tolist(), association.ambiguous) == ([0], [1, 2], 0)
+    counts = ObservationCounts()
+    counts.add(len(seen), association)
+    assert (counts.matched, counts.new, counts.ambiguous, counts.gated_out) == (1, 2, 0, 0)
