@@ -299,3 +299,16 @@ def test_each_corner_is_counted_once_also_a_point_that_is_new_within_the_gate_of
     counts = ObservationCounts()
     counts.add(len(seen), association)
     assert (counts.matched, counts.new, counts.ambiguous, counts.gated_out) == (1, 2, 0, 0)
+
+
+@pytest.mark.parametrize("count", [1, 2, 3, 5])
+def test_pairs_hold_together_up_to_chi_square_of_all_their_degrees_of_freedom(count):
+    """Corners far apart, each off by as much: independent, so their distances add up to the joint one."""
+    known = corners([[3.0 * k, 1.0] for k in range(count)])
+    gate = float(chi2.ppf(0.99, 2 * count))
+    for off2, matched in ((0.99 * gate, count), (1.01 * gate, count - 1)):
+        seen = corners(known.positions + np.array([SIGMA * math.sqrt(off2 / count), 0.0]))
+        association = associate(seen, *world(known), gates())
+        assert len(association.corners) == matched
+        # Landmark and robot are almost without doubt, to 1e-14 of a square metre.
+        assert association.nis == pytest.approx(matched * off2 / count, rel=1e-6)
