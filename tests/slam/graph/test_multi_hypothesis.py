@@ -7,6 +7,7 @@ import pytest
 
 from features.feature import Corners
 from features.se2 import compose, pose
+from features.signature import Signatures
 from slam.filter.ekf import POSE_DIM, LandmarkEkf
 from slam.filter.front_end import transform_back
 from slam.graph.incremental import LandmarkGraph
@@ -21,9 +22,8 @@ LANDMARKS = np.array([[3.0, 1.0], [3.0, 1.4], [-2.0, 2.0], [-2.4, 2.0], [0.0, -3
 
 
 def points(positions, sigma=0.05):
-    unknown = np.full(len(positions), np.nan)
     covs = np.tile(sigma**2 * np.eye(2), (len(positions), 1, 1))
-    return Corners.of(np.asarray(positions).reshape(-1, 2), covs, unknown, unknown, np.zeros(len(positions), np.bool_))
+    return Corners.of(np.asarray(positions).reshape(-1, 2), covs, Signatures.of_points(len(positions)))
 
 
 def drive(seed, steps=80):
