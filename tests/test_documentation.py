@@ -4,6 +4,7 @@ import importlib
 import re
 import runpy
 import sys
+import tomllib
 from pathlib import Path
 
 import numpy as np
@@ -175,3 +176,14 @@ def test_every_link_between_the_pages_leads_somewhere(page: Path):
         if anchor:
             titles = re.findall(r"^#+ (.*)$", linked.read_text(encoding="utf-8"), re.MULTILINE)
             assert anchor in [re.sub(r"[^\w\- ]", "", title.lower()).replace(" ", "-") for title in titles], target
+
+
+def test_the_architecture_page_shows_the_layers_of_slam_as_they_are_checked():
+    contracts = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["tool"]["importlinter"][
+        "contracts"
+    ]
+    (layers,) = [contract["layers"] for contract in contracts if "slam.pipeline" in contract.get("layers", ())]
+    text = (ROOT / "docs" / "architecture.md").read_text(encoding="utf-8")
+    (table,) = re.findall(r"^\| room \| task \|\n\|---\|---\|\n((?:\|.*\n)+)", text, re.MULTILINE)
+    rows = [re.findall(r"slam\.\w+", row.split(" | ")[0]) for row in table.splitlines()]
+    assert rows == [layer.split(" | ") for layer in layers]
