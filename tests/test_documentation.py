@@ -204,7 +204,9 @@ def test_every_link_between_the_pages_leads_somewhere(page: Path):
 
 def test_the_architecture_page_shows_the_layers_of_slam_as_they_are_checked():
     linter = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["tool"]["importlinter"]
-    (layers,) = [contract["layers"] for contract in linter["contracts"] if "slam.pipeline" in contract.get("layers", ())]
+    (layers,) = [
+        contract["layers"] for contract in linter["contracts"] if "slam.pipeline" in contract.get("layers", ())
+    ]
     text = (ROOT / "docs" / "architecture.md").read_text(encoding="utf-8")
     (table,) = re.findall(r"^\| room \| task \|\n\|---\|---\|\n((?:\|.*\n)+)", text, re.MULTILINE)
     rows = [re.findall(r"slam\.\w+", row.split(" | ")[0]) for row in table.splitlines()]
