@@ -55,7 +55,7 @@ def fit_rough(xs, ys, segment):
 
 @inner()
 def meet_at(xs, ys, total, segment_a, segment_b, sigma_range, closing, rules):
-    """Move the break between two neighbours to where their walls meet.
+    """Move the break between two neighbours to where their walls meet (eq. M25).
 
     They stay joined if both reach that point and all points between them are of one or the other: what was too short
     for a line may be noise at a corner, or a wall that stands between. ``closing`` says that the break is the end of a
