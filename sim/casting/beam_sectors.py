@@ -3,8 +3,9 @@
 
 import math
 
-import numba
 import numpy as np
+
+from features.compiled import inner
 
 BEAMS_PER_SECTOR = 4
 """Average number of beams in a sector: with more, more beams beyond the ends of a wall are tried in vain; with fewer,
@@ -27,7 +28,7 @@ SLACK = 1.0 - 1e-9
 """Factor on a squared distance before it is compared with squared ranges, so that rounding alone never hides a wall."""
 
 
-@numba.njit(cache=True, error_model="numpy")
+@inner()
 def sector_count(beams):
     """Return the number of sectors, a power of two, for this many beams."""
     sectors = 16
@@ -36,7 +37,7 @@ def sector_count(beams):
     return sectors
 
 
-@numba.njit(cache=True, error_model="numpy")
+@inner()
 def sort_beams(cosines, sines, sorted_cosines, sorted_sines, slots, firsts):
     """Sort beams by sector with a counting sort, which keeps their order within a sector.
 
@@ -62,7 +63,7 @@ def sort_beams(cosines, sines, sorted_cosines, sorted_sines, slots, firsts):
         sorted_sines[slot] = sines[i]
 
 
-@numba.njit(cache=True, error_model="numpy")
+@inner()
 def wall_sectors(ax, ay, bx, by, sectors):
     """Return the first and last sector, counter-clockwise, that the wall from a to b covers as seen from the origin."""
     turn_a, turn_b = _turn(ax, ay), _turn(bx, by)
@@ -71,7 +72,7 @@ def wall_sectors(ax, ay, bx, by, sectors):
     return _sector(turn_a - _MARGIN, sectors), _sector(turn_b + _MARGIN, sectors)
 
 
-@numba.njit(cache=True, error_model="numpy")
+@inner()
 def box_sectors(x_min, y_min, x_max, y_max, sectors):
     """Return the first and last sector, counter-clockwise, that a box covers which does not contain the origin.
 
@@ -86,7 +87,7 @@ def box_sectors(x_min, y_min, x_max, y_max, sectors):
     return _sector(_turn(ax, ay) - _MARGIN, sectors), _sector(_turn(bx, by) + _MARGIN, sectors)
 
 
-@numba.njit(cache=True, error_model="numpy")
+@inner()
 def hidden(firsts, far, first, last, distance):
     """Whether all beams from the first sector to the last end before a squared distance [m^2]."""
     if first > last:
@@ -96,7 +97,7 @@ def hidden(firsts, far, first, last, distance):
     return _hidden_slots(far, firsts[first], firsts[last + np.uint32(1)], distance)
 
 
-@numba.njit(cache=True, error_model="numpy")
+@inner()
 def _hidden_slots(far, begin, end, distance):
     """Whether all beams in the slots ``begin <= k < end`` end before a squared distance [m^2]."""
     if begin == end:
@@ -108,13 +109,13 @@ def _hidden_slots(far, begin, end, distance):
     return True
 
 
-@numba.njit(cache=True, error_model="numpy")
+@inner()
 def _blocks(begin, end):
     """Return the first block of the slots ``begin <= k < end`` and the one after the last; unsigned to index loops."""
     return np.uint64(begin) // np.uint64(BLOCK), (np.uint64(end) + np.uint64(BLOCK - 1)) // np.uint64(BLOCK)
 
 
-@numba.njit(cache=True, error_model="numpy")
+@inner()
 def try_wall(cosines, sines, ranges, hits, far, begin, end, ax, ay, bx, by, wall):
     """Intersect a wall with the beams of the blocks that contain the slots ``begin <= k < end``; keep the nearer hits.
 
@@ -137,7 +138,7 @@ def try_wall(cosines, sines, ranges, hits, far, begin, end, ax, ay, bx, by, wall
         far[block] = farthest * farthest
 
 
-@numba.njit(cache=True, error_model="numpy")
+@inner()
 def hit_range(c, s, ax, ay, bx, by):
     """Return the range at which a beam from the origin in direction (c, s) hits the wall from a to b [m]; else inf."""
     side_a, side_b = c * ay - s * ax, c * by - s * bx
@@ -150,7 +151,7 @@ def hit_range(c, s, ax, ay, bx, by):
     return hit if crosses & (hit > 0.0) else np.inf
 
 
-@numba.njit(cache=True, error_model="numpy")
+@inner()
 def _turn(x, y):
     """Return the direction of (x, y) as a fraction of the turn, counter-clockwise from -y, 0 to 1.
 
@@ -161,6 +162,6 @@ def _turn(x, y):
     return 0.25 * (1.0 + height if x >= 0.0 else 3.0 - height)
 
 
-@numba.njit(cache=True, error_model="numpy")
+@inner()
 def _sector(turn, sectors):
     return np.uint32(np.int32(math.floor(turn * sectors)) & (sectors - 1))

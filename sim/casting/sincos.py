@@ -1,8 +1,10 @@
 # pyright: standard
 """Cosine and sine of many directions at once."""
 
-import numba
 import numpy as np
+from numba import f8
+
+from features.compiled import READ_ONLY, kernel
 
 MAX_ANGLE = 1e6
 """Angles stay below this [rad], so that the reduction to [-pi/4, pi/4] is exact: fewer than 2^20 quarter turns."""
@@ -15,7 +17,7 @@ _QUARTER_3 = 2.02226624879595063154e-21
 are exact."""
 
 
-@numba.njit(cache=True, error_model="numpy")
+@kernel(READ_ONLY, f8, f8[::1], f8[::1])
 def sincos(angles, offset, cosines, sines):
     """Fill ``cosines`` and ``sines`` of ``angles + offset``; return whether all angles are within :data:`MAX_ANGLE`.
 

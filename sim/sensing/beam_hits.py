@@ -8,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from features.se2 import Array
-from sim.casting.sincos import sincos  # pyright: ignore[reportUnknownVariableType]  # numba takes no annotations
+from sim.casting.sincos import sincos
 from sim.motion.person import Person
 from sim.worlds.world import World
 
