@@ -49,7 +49,7 @@ def run(
     from slam.config import without_identities
     from slam.config_file import check_same, load_config
     from slam.pipeline import Slam
-    from slam.run.checkpoint import Stand, discard_checkpoint, read_checkpoint
+    from slam.run.checkpoint import LogPosition, discard_checkpoint, read_checkpoint
     from slam.run.folder import claimed, default_folder
     from slam.run.progress_bar import ProgressBar
     from slam.run.session import Session
@@ -71,15 +71,15 @@ def run(
         return without_identities(given) if ignore_identities else given
 
     if out is not None and resume:
-        slam, stand = read_checkpoint(out)
+        slam, position = read_checkpoint(out)
         if config is not None or sensor is not None or seed is not None or ignore_identities:
             check_same(slam.config, asked(), f"{out}: the stopped run")
     else:
-        slam, stand = Slam(asked()), Stand(source.name)
+        slam, position = Slam(asked()), LogPosition(source.name)
     with claimed(out or default_folder(source.name, datetime.now()), overwrite=overwrite or resume) as folder:
         if not resume:
             discard_checkpoint(folder)
-        result, error = Session(slam, stand, ProgressBar(source.name), folder).run(source, limit)
+        result, error = Session(slam, position, ProgressBar(source.name), folder).run(source, limit)
         save(folder, source.name, result, error)
     leave(result)
 

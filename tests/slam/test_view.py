@@ -16,8 +16,9 @@ from sim.worlds.world import World
 from slam.config import SlamConfig
 from slam.errors import ConfigError
 from slam.key_frame import KeyFrame
-from slam.result.records import Records
-from slam.view import View, look
+from slam.parts import CwlfExtractor
+from slam.pipeline import Slam
+from slam.view import View, view_of_observations, view_of_scan
 
 ROOM = polygon([(3.0, 2.0), (-2.5, 2.0), (-2.5, -1.8), (0.5, -1.8), (0.5, -1.0), (3.0, -1.0)])
 """A room with a corner that points into it."""
@@ -66,8 +67,7 @@ def test_corners_of_a_view_and_what_is_kept_of_a_key_frame_lie_where_the_robot_s
     config, here = config_of(), pose(-0.6, 0.2, 0.9)
     sensor = sensor_of(config, mounting)
     scan = exact(ROOM, mounting, here)
-    view = look(Frame(0.0, here, scan), config, sensor, Records())
-    assert view is not None
+    view = view_of_scan(scan, sensor, CwlfExtractor(config.extraction))
     found = transform(here, view.corners_robot.positions)
     assert len(found) == len(ROOM.corners)
     # Without noise a corner is off by what the split of its lines at a beam leaves: millimetres.
@@ -87,7 +87,7 @@ def test_a_key_frame_keeps_the_points_within_the_limits_of_the_sensor_only():
     none = [0.0, 0.5 * sensor.range_min, 1.5 * sensor.range_max, math.inf]
     ranges = scan.ranges.copy()
     ranges[100:104] = none
-    view = look(Frame(0.0, pose(), LaserScan(ranges, scan.angles)), config, sensor, Records())
+    view = view_of_scan(LaserScan(ranges, scan.angles), sensor, CwlfExtractor(config.extraction))
     kept = KeyFrame.of(0, view, sensor).points_robot
     np.testing.assert_allclose(np.hypot(*kept.T), np.delete(ranges, range(100, 104)), rtol=1e-12)
 
@@ -95,58 +95,46 @@ def test_a_key_frame_keeps_the_points_within_the_limits_of_the_sensor_only():
 def test_of_landmarks_that_a_sensor_found_itself_a_key_frame_keeps_no_scan():
     config = config_of()
     sensor = config.sensor.model()
-    seen = Frame(0.0, pose(), observations=LandmarkObservations(np.array([2.0]), np.array([0.5])))
-    view = look(seen, config, sensor, Records())
-    assert view is not None
+    seen = LandmarkObservations(np.array([2.0]), np.array([0.5]))
+    view = view_of_observations(seen, sensor, use_identities=True)
     assert view.scan is None
     kept = KeyFrame.of(3, view, sensor)
     assert (kept.record, kept.walls_robot.shape, kept.points_robot.shape) == (3, (0, 2, 2), (0, 2))
 
 
 def test_a_record_of_odometry_shows_nothing():
-    config = config_of()
-    assert look(Frame(0.0, pose()), config, config.sensor.model(), Records()) is None
+    step = Slam(config_of()).process(Frame(0.0, pose()))
+    assert (step.features, step.association) == (None, None)
 
 
-def moving(poses_odom, poses_map):
-    records = Records()
-    for k, (odom, by_map) in enumerate(zip(poses_odom, poses_map, strict=True)):
-        records.add(0.1 * k, odom, by_map)
-    return records
+VELOCITY = np.array([0.8, 0.0, 1.0])
+"""Of a robot that scans for 0.1 s [m/s, m/s, rad/s]: the corner at 3 m turns by up to 0.1 rad during the scan."""
 
 
 @MOUNTINGS
-@pytest.mark.parametrize(("source", "told"), [("line-aided", "odom"), ("wheel", "odom"), ("lines", "map")])
-def test_the_motion_during_a_scan_is_undone_by_what_tells_it(mounting, source, told):
-    """A robot at 0.8 m/s and 1 rad/s scans for 0.1 s; wheels tell its motion, without them the poses found so far."""
-    config = config_of(source=source)
-    sensor = sensor_of(config, mounting)
-    velocity = np.array([0.8, 0.0, 1.0])
-    poses = [velocity * 0.1 * k for k in range(3)]
-    standing = [pose() for _ in poses]
-    records = moving(poses, standing) if told == "odom" else moving(standing, poses)
+@pytest.mark.parametrize("deskew", [True, False])
+def test_the_motion_that_the_wheels_tell_is_undone_where_it_is_asked_for(mounting, deskew):
+    config = with_front_end(config_of(source="wheel"), deskew=deskew)
+    config = config.model_copy(update={"sensor": config.sensor.of_preset("rplidar-s1", mounting)})
+    slam = Slam(config)
     times = np.linspace(0.0, 0.1, len(FULL_TURN), endpoint=False) + 0.1
-    scan = exact(ROOM, mounting, times[:, None] * velocity, times)
-    here = poses[-1]
-    view = look(Frame(0.2, records.poses_odom[-1], scan), config, sensor, records)
-    assert nearest(transform(here, view.corners_robot.positions), ROOM.corners).max() < 5e-3
-    as_taken = look(Frame(0.2, here, scan), with_front_end(config, deskew=False), sensor, records)
-    # The corner at 3 m turns by up to 0.1 rad during the scan.
-    assert nearest(transform(here, as_taken.corners_robot.positions), ROOM.corners).max() > 0.1
+    scan = exact(ROOM, mounting, times[:, None] * VELOCITY, times)
+    for k in range(2):
+        slam.process(Frame(0.1 * k, 0.1 * k * VELOCITY))
+    here = 0.2 * VELOCITY
+    step = slam.process(Frame(0.2, here, scan))
+    found = transform(here, step.features.corners.to_robot(mounting).positions)
+    off = nearest(found, ROOM.corners).max()
+    assert off < 5e-3 if deskew else off > 0.1
 
 
 def observed(identities=(5, 2)):
-    return Frame(
-        0.0,
-        pose(),
-        observations=LandmarkObservations(np.array([2.0, 3.0]), np.array([0.5, -0.4]), None, np.array(identities)),
-    )
+    return LandmarkObservations(np.array([2.0, 3.0]), np.array([0.5, -0.4]), None, np.array(identities))
 
 
 @pytest.mark.parametrize("used", [True, False])
 def test_identities_of_landmarks_are_taken_where_they_are_to_be(used):
-    config = with_front_end(config_of(), use_identities=used)
-    view = look(observed(), config, config.sensor.model(), Records())
+    view = view_of_observations(observed(), config_of().sensor.model(), use_identities=used)
     expected = [5, 2] if used else None
     assert (None if view.identities is None else view.identities.tolist()) == expected
     np.testing.assert_allclose(
@@ -155,9 +143,9 @@ def test_identities_of_landmarks_are_taken_where_they_are_to_be(used):
 
 
 def test_landmarks_that_a_sensor_found_itself_need_wheels():
-    config = config_of(source="lines")
+    slam = Slam(config_of(source="lines"))
     with pytest.raises(ConfigError, match=r"odometry\.source is 'lines'.*expected 'line-aided' or 'wheel'"):
-        look(observed(), config, config.sensor.model(), Records())
+        slam.process(Frame(0.0, pose(), observations=observed()))
 
 
 def test_observations_are_the_corners_that_are_of_a_landmark_with_the_scatter_of_real_ones():
@@ -173,7 +161,8 @@ def test_the_robot_frame_is_that_of_the_pose():
     config = config_of()
     sensor = sensor_of(config, FRONT)
     one, other = pose(-0.6, 0.2, 0.9), pose(-0.4, 0.1, -2.0)
-    views = [look(Frame(0.0, here, exact(ROOM, FRONT, here)), config, sensor, Records()) for here in (one, other)]
+    extractor = CwlfExtractor(config.extraction)
+    views = [view_of_scan(exact(ROOM, FRONT, here), sensor, extractor) for here in (one, other)]
     motion = compose(inverse(one), other)
     carried = transform(motion, views[1].corners_robot.positions)
     assert nearest(carried, views[0].corners_robot.positions).max() < 1e-2

@@ -221,7 +221,7 @@ def _session(
     view_file: Path | None,
 ) -> Iterator[Session]:
     """Session of a run that may be recorded and watched; the view is complete behind it."""
-    from slam.run.checkpoint import Stand
+    from slam.run.checkpoint import LogPosition
     from slam.run.session import Session
 
     with ExitStack() as stack:
@@ -238,4 +238,4 @@ def _session(
             if shown is not None:
                 shown.show(frame, step)
 
-        yield Session(slam, Stand(source.name), progress=progress, watch=watch)
+        yield Session(slam, LogPosition(source.name), progress=progress, on_step=watch)

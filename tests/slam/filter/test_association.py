@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from observed_corners import SIGMA, corners
+from observed_corners import SIGMA, corners, points
 from scipy.stats import chi2
 
 from features.feature import Corners
@@ -276,18 +276,17 @@ def test_two_points_without_signature_that_are_seen_at_once_are_two_however_near
     rules = gates(method, birth_distance=0.5)
     positions = [[2.0, 1.0], [2.3, 1.0]]
     known, seen = ([[2.0, 1.0]], positions)
-    points = corners(seen, openings=math.nan, orientations=math.nan)
-    assert outcome(points, corners(known, openings=math.nan, orientations=math.nan), rules) == ({0: 0}, [1])
+    assert outcome(points(seen), points(known), rules) == ({0: 0}, [1])
     assert outcome(corners(seen), corners(known), rules) == ({0: 0}, [])
     # Alone it is too near to what was not seen just now to be another one.
-    lone = corners([[2.3, 1.0]], openings=math.nan, orientations=math.nan)
-    assert outcome(lone, corners(known, openings=math.nan, orientations=math.nan), rules) == ({}, [])
+    lone = points([[2.3, 1.0]])
+    assert outcome(lone, points(known), rules) == ({}, [])
 
 
 @either_method
 def test_each_corner_is_counted_once_also_a_point_that_is_new_within_the_gate_of_another(method):
-    known = world(corners([[2.0, 1.0]], openings=math.nan, orientations=math.nan))
-    seen = corners([[2.0, 1.0], [2.05, 1.0], [2.3, 1.0]], openings=math.nan, orientations=math.nan)
+    known = world(points([[2.0, 1.0]]))
+    seen = points([[2.0, 1.0], [2.05, 1.0], [2.3, 1.0]])
     association = associate(seen, *known, gates(method, birth_distance=0.5))
     assert (association.corners.tolist(), association.new.tolist(), association.ambiguous) == ([0], [1, 2], 0)
     counts = ObservationCounts()
