@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import BinaryIO
+from typing import BinaryIO, Protocol
 
 from drivers.errors import LogFormatError
 
@@ -124,8 +124,14 @@ def _plain(file: BinaryIO) -> Iterator[tuple[bytes, bool]]:
         yield chunk, False
 
 
-def _salvage(decoder: "zlib._Decompress", chunk: bytes) -> bytes:
-    """Text of damaged gzip data up to the byte where the damage shows."""
+class _Decompressor(Protocol):
+    """What :func:`zlib.decompressobj` returns, whose type has no public name."""
+
+    def decompress(self, data: bytes, /) -> bytes: ...
+
+
+def _salvage(decoder: _Decompressor, chunk: bytes) -> bytes:
+    """Text of damaged gzip data up to the byte at which decompression fails."""
     text = bytearray()
     with suppress(zlib.error):
         for i in range(len(chunk)):

@@ -14,7 +14,7 @@ from typing import TypeVar
 import numpy as np
 
 from drivers.errors import LogFormatError
-from drivers.frame import Frame
+from drivers.frame import Frame, FrameSource, SourceInfo
 from drivers.log_lines import LogLine, LogLineReader
 from drivers.reorder import REORDER_WINDOW, ReorderWindow
 from features.errors import ScanFormatError
@@ -27,7 +27,7 @@ logger = logging.getLogger(__name__)
 Parsed = TypeVar("Parsed")
 
 
-class CarmenLog:
+class CarmenLog(FrameSource):
     """A CARMEN log: scans of `FLASER` and `ROBOTLASER1`, odometry of these and of `ODOM`, mounting of `PARAM` lines.
 
     Frames come sorted by the ipc stamp, those of equal stamps in the order of the file. Other messages are skipped.
@@ -51,29 +51,9 @@ class CarmenLog:
         self._unread: Iterator[LogLine] | None = self._open()
 
     @property
-    def name(self) -> str:
-        """Name of the file without `.clf`, `.log` and `.gz`."""
-        name = self._path.name
-        for suffixes in ((".gz",), (".clf", ".log")):
-            stem, suffix = os.path.splitext(name)
-            if suffix.lower() in suffixes:
-                name = stem
-        return name
-
-    @property
-    def sensor(self) -> str:
-        """Name of the sensor preset: the scanner of nearly all CARMEN logs."""
-        return "sick-lms"
-
-    @property
-    def mounting(self) -> Mounting:
-        """Pose of the front laser on the robot by the `PARAM` lines before the first record, else the identity."""
-        return self._mounting
-
-    @property
-    def has_odometry(self) -> bool:
-        """Every record of a CARMEN log has its odometry pose."""
-        return True
+    def info(self) -> SourceInfo:
+        """Name of the file; the SICK LMS, the scanner of nearly all CARMEN logs; the mounting of the `PARAM` lines."""
+        return SourceInfo(_stem(self._path), "sick-lms", self._mounting)
 
     @property
     def progress(self) -> float:
@@ -151,6 +131,16 @@ class CarmenLog:
                 f"from that of line {window.newest_line}: expected records in order to within {REORDER_WINDOW:g} s"
             )
         return window.push(frame, line.number)
+
+
+def _stem(path: Path) -> str:
+    """Name of a file without `.clf`, `.log` and `.gz`."""
+    name = path.name
+    for suffixes in ((".gz",), (".clf", ".log")):
+        stem, suffix = os.path.splitext(name)
+        if suffix.lower() in suffixes:
+            name = stem
+    return name
 
 
 class _FieldError(Exception):

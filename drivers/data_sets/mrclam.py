@@ -11,9 +11,8 @@ from numpy.typing import NDArray
 
 from drivers.data_sets.number_table import read_table
 from drivers.errors import LogFormatError
-from drivers.frame import Frame, LandmarkObservations
+from drivers.frame import Frame, FrameSource, LandmarkObservations, SourceInfo
 from features.se2 import Array, wrap_angle
-from features.sensor import Mounting
 
 logger = logging.getLogger(__name__)
 
@@ -23,7 +22,7 @@ ROBOTS = 5
 ODOMETRY = re.compile(r"Robot(\d+)_Odometry\.dat(\.gz)?")
 
 
-class MrclamLog:
+class MrclamLog(FrameSource):
     """What one robot of a data set measured; its velocities, each held until the next, are summed up to odometry.
 
     There is a frame for each stamp of the odometry and of the measurements. Observations of other robots are left out,
@@ -63,24 +62,9 @@ class MrclamLog:
         self._stamps = np.unique(np.concatenate([self._odometry[:, 0], self._measurements[:, 0]]))
 
     @property
-    def name(self) -> str:
-        """Name of the folder and number of the robot."""
-        return f"{self._folder.resolve().name}-robot{self._robot}"
-
-    @property
-    def sensor(self) -> str:
-        """Name of the sensor preset: the camera of the data sets."""
-        return "mrclam-camera"
-
-    @property
-    def mounting(self) -> Mounting:
-        """Ranges and bearings are those from the robot's centre."""
-        return Mounting()
-
-    @property
-    def has_odometry(self) -> bool:
-        """Whether the poses of the frames tell the motion: they do."""
-        return True
+    def info(self) -> SourceInfo:
+        """Name of the folder with the number of the robot; the camera of the data sets, in the robot's centre."""
+        return SourceInfo(f"{self._folder.resolve().name}-robot{self._robot}", "mrclam-camera")
 
     @property
     def progress(self) -> float:

@@ -13,10 +13,9 @@ from typing import Any, Self
 import numpy as np
 
 from drivers.errors import RecordError
-from drivers.frame import Frame
-from drivers.recording.recording import Header, MountingRecord
+from drivers.frame import Frame, SourceInfo
+from drivers.recording.recording import Header
 from features.se2 import Array, Pose
-from features.sensor import Mounting
 
 FLUSH_EVERY = 50
 """What a killed process leaves lacks no more than this many of its last frames."""
@@ -35,10 +34,7 @@ class Recorder:
     Parameters
     ----------
     path : file to write, gzipped whatever its name.
-    name : what is recorded, a short name fit for a folder.
-    sensor : name of the sensor preset that fits the frames.
-    mounting : where the sensor sits on the robot.
-    odometry : whether the poses of the frames tell the motion.
+    info : what is known of the source of the frames.
     walls : the walls that the sensor sees, world frame, shape (n, 4) [m], where they are known.
     glass : whether each wall is of glass, shape (n,).
     overwrite : replace a file that is there.
@@ -52,11 +48,8 @@ class Recorder:
     def __init__(
         self,
         path: str | os.PathLike[str],
+        info: SourceInfo,
         *,
-        name: str,
-        sensor: str,
-        mounting: Mounting,
-        odometry: bool = True,
         walls: Array | None = None,
         glass: Sequence[bool] | np.ndarray = (),
         overwrite: bool = False,
@@ -76,8 +69,7 @@ class Recorder:
             raise RecordError(f"{path}: cannot be written: {error.strerror or error}") from None
         # No time and no name in the header of the data, so that they depend on the frames alone.
         self._gzip = gzip.GzipFile(filename="", mode="wb", fileobj=self._file, mtime=0)
-        place = MountingRecord(x=mounting.x, y=mounting.y, theta=mounting.theta, upside_down=mounting.upside_down)
-        self._write(Header(name=name, sensor=sensor, mounting=place, odometry=odometry).model_dump())
+        self._write(Header.of(info).model_dump())
         for k, wall in enumerate(() if walls is None else walls.tolist()):
             self._write({"wall": wall} | ({"glass": True} if len(glass) and glass[k] else {}))
         self._flush()

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from drivers.errors import LogFormatError
-from drivers.frame import Frame
+from drivers.frame import Frame, FrameSource, SourceInfo
 from drivers.reorder import REORDER_WINDOW, ReorderWindow
 from drivers.ros_bag.file import ODOMETRY, SCAN, TRANSFORMS, BagFile
 from drivers.ros_bag.frames import laser_scan, planar_pose, stamp_of, with_odometry
@@ -27,7 +27,7 @@ TRANSFORM_MESSAGES = 5_000
 """So many messages of transforms, beside the static ones, are looked at for the mounting."""
 
 
-class RosBag:
+class RosBag(FrameSource):
     """A ROS bag: scans of sensor_msgs/LaserScan, odometry of nav_msgs/Odometry or tf, mounting of tf.
 
     Without a topic of odometry the transform from the frame ``odom`` to its child is the odometry; without this, there
@@ -66,25 +66,11 @@ class RosBag:
         self._read = self._scans = 0
 
     @property
-    def name(self) -> str:
-        """Name of the file or folder without `.bag`, `.mcap` and `.db3`."""
+    def info(self) -> SourceInfo:
+        """Name of the bag, and the mounting of tf, else the identity; a bag does not say which scanner it was."""
         path = self._path.resolve()
-        return path.stem if path.suffix.lower() in SUFFIXES else path.name
-
-    @property
-    def sensor(self) -> str:
-        """Name of a sensor preset; a bag does not tell which scanner it was."""
-        return "rplidar-s1"
-
-    @property
-    def mounting(self) -> Mounting:
-        """Pose of the scanner on the robot by tf, else the identity."""
-        return self._mounting
-
-    @property
-    def has_odometry(self) -> bool:
-        """Whether there is a topic of odometry, or tf tells it."""
-        return self._odom_topic is not None or self._odom_frames is not None
+        name = path.stem if path.suffix.lower() in SUFFIXES else path.name
+        return SourceInfo(name, "rplidar-s1", self._mounting, self._has_odometry)
 
     @property
     def progress(self) -> float:
@@ -113,6 +99,11 @@ class RosBag:
                 "%s: left out are %d of %d scans, which have no odometry of %s before and behind them",
                 self._path, self._scans - yielded, self._scans, self._odom_topic or "tf",
             )  # fmt: skip
+
+    @property
+    def _has_odometry(self) -> bool:
+        """Whether there is odometry, of a topic or of tf."""
+        return self._odom_topic is not None or self._odom_frames is not None
 
     @property
     def _topics(self) -> list[str]:
@@ -199,7 +190,7 @@ class RosBag:
                     return mounting
         except LogFormatError as error:
             raise LogFormatError(f"{self._path}, tf: {error}") from None
-        if self.has_odometry:
+        if self._has_odometry:
             logger.warning(
                 "%s: tf does not tell where the scanner %r sits on the robot: "
                 "its origin is assumed, unless [sensor.mounting] says otherwise",

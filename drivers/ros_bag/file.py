@@ -61,7 +61,7 @@ class BagFile:
             raise LogFormatError(f"{path} cannot be read ({error.strerror}): expected a ROS bag") from None
         except Exception as error:  # on damaged data the library raises whatever its parsing runs into
             self._damage = str(error).split(": (")[0].rstrip(".") or type(error).__name__
-            self.topics = {}
+            self.topics: dict[str, Topic] = {}
             for message in salvage(path):
                 before = self.topics.get(message.topic)
                 kind = TYPES.get(message.type, message.type)

@@ -6,8 +6,8 @@ from drivers.errors import DriverError
 from drivers.rplidar.protocol import requests
 from drivers.rplidar.protocol.answer_search import AnswerSearch
 from drivers.rplidar.protocol.answers import Answer, DeviceInfo
-from drivers.rplidar.protocol.exchange import search_answer
 from drivers.rplidar.protocol.link import Link
+from drivers.rplidar.protocol.request_reply import search_answer
 from drivers.rplidar.protocol.requests import Command
 
 BAUDS = (115200, 256000, 460800, 1000000)

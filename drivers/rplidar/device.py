@@ -11,8 +11,8 @@ from drivers.rplidar.connect import DRAIN_LIMIT, QUIET, connect, identify
 from drivers.rplidar.protocol import requests
 from drivers.rplidar.protocol.answer_search import AnswerSearch
 from drivers.rplidar.protocol.answers import Answer, Health, Status
-from drivers.rplidar.protocol.exchange import NoAnswerError, ask, search_answer
 from drivers.rplidar.protocol.model import Motor, has_conf, model_name, motor
+from drivers.rplidar.protocol.request_reply import NoAnswerError, ask, search_answer
 from drivers.rplidar.protocol.requests import Command
 from drivers.rplidar.revolutions import ScanStream
 from drivers.rplidar.scan_mode import ScanMode, list_modes, standard_mode

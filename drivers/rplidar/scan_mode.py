@@ -6,8 +6,8 @@ from dataclasses import dataclass
 from drivers.errors import DriverError
 from drivers.rplidar.codecs.formats import FORMATS
 from drivers.rplidar.protocol.answers import Answer, Conf, SampleRate, unpack_name
-from drivers.rplidar.protocol.exchange import ask, ask_conf, ask_number
 from drivers.rplidar.protocol.link import Link
+from drivers.rplidar.protocol.request_reply import ask, ask_conf, ask_number
 from drivers.rplidar.protocol.requests import Command, express_scan, request
 
 logger = logging.getLogger(__name__)

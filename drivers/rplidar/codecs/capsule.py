@@ -82,7 +82,8 @@ def decode_pairs(capsules: Packets, measured: Measured, first: int, last_encoder
     count = measured.ranges.shape[1]
     starts = starts_q6(capsules)
     turned = (starts[1:] - starts[:-1]) % TURN_Q6
-    encoder = (starts[:-1, None] + (turned[:, None] * np.arange(count)) / count).reshape(-1)
+    turned_before = np.multiply(turned[:, None], np.arange(count))
+    encoder: Array = np.add(starts[:-1, None], np.divide(turned_before, count)).reshape(-1)
     encoder -= TURN_Q6 * (encoder >= TURN_Q6)
     angles = encoder * RADIANS_PER_Q6
     if measured.offsets is not None:

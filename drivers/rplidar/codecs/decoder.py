@@ -4,13 +4,13 @@ from dataclasses import replace
 
 import numpy as np
 
+from drivers.counts import Counts
 from drivers.rplidar.codecs.capsule import last_encoder_q6, restarts, starts_q6
 from drivers.rplidar.codecs.formats import FORMATS
 from drivers.rplidar.codecs.framing import framer
+from drivers.rplidar.codecs.outlier_filter import OutlierFilter
 from drivers.rplidar.codecs.samples import TURN_Q6, Join, Packets, Samples
-from drivers.rplidar.codecs.steady import Steady
 from drivers.rplidar.protocol.answers import Answer
-from drivers.rplidar.protocol.counts import Counts
 
 BACKWARDS = np.radians(10.0)
 """Angles go back by no more than this within a revolution: the optical offset is at most 8 deg."""
@@ -31,7 +31,7 @@ class SampleDecoder:
         self._join = Join.RESTART
         self._received = 0
         self._waiting = b""  # the capsule that the next one completes
-        self._turned = Steady()
+        self._turned = OutlierFilter()
         self._last_encoder = np.nan
         self._last_angle = np.nan
 
@@ -79,8 +79,8 @@ class SampleDecoder:
                 found += self._pairs(capsules[begin:k], first + begin)
                 begin = k
                 self._counts += Counts(restarts=first + k > 0)
-                self._join, self._last_encoder, self._turned = Join.RESTART, np.nan, Steady()
-            elif k > begin and not self._turned.agrees(turned[k - 1]):
+                self._join, self._last_encoder, self._turned = Join.RESTART, np.nan, OutlierFilter()
+            elif k > begin and not self._turned.accepts(turned[k - 1]):
                 found += self._pairs(capsules[begin:k], first + begin)
                 begin = k
                 self._counts += Counts(discontinuities=1)

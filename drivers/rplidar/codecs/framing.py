@@ -4,11 +4,11 @@ import re
 
 import numpy as np
 
+from drivers.counts import Counts
 from drivers.rplidar.codecs import standard
 from drivers.rplidar.codecs.formats import FORMATS, PacketFormat
 from drivers.rplidar.codecs.samples import Flags, Packets
 from drivers.rplidar.protocol.answers import Answer
-from drivers.rplidar.protocol.counts import Counts
 
 BLOCK = 1 << 16
 """Bytes looked at together: after damage, the rest of them is looked at again."""

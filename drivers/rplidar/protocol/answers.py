@@ -3,7 +3,7 @@
 import struct
 from dataclasses import dataclass
 from enum import IntEnum
-from typing import Self
+from typing import Any, Self
 
 from drivers.errors import DriverError
 
@@ -177,7 +177,7 @@ def _conf_value(kind: Conf, payload: bytes) -> bytes:
     return payload[4:]
 
 
-def _unpack(layout: str, payload: bytes, name: str) -> tuple:
+def _unpack(layout: str, payload: bytes, name: str) -> tuple[Any, ...]:
     expected = struct.calcsize(layout)
     if len(payload) != expected:
         raise DriverError(f"{name} was answered with {len(payload)} bytes: expected {expected}")

@@ -1,7 +1,5 @@
 """Requests of the host: built as bytes, and found again in a stream of bytes."""
 
-import functools
-import operator
 import struct
 from dataclasses import dataclass
 from enum import IntEnum
@@ -62,7 +60,10 @@ class Request:
 
 def xor(data: bytes) -> int:
     """Exclusive or of all bytes: the checksum of a request."""
-    return functools.reduce(operator.xor, data, 0)
+    checksum = 0
+    for byte in data:
+        checksum ^= byte
+    return checksum
 
 
 def request(command: Command) -> bytes:
