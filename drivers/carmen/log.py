@@ -81,7 +81,7 @@ class CarmenLog(FrameSource):
             raise LogFormatError(f"{self._path} has no scan: expected FLASER or ROBOTLASER1 records of a CARMEN log")
 
     def _open(self) -> Iterator[LogLine]:
-        """Read up to the first record, take the mounting, and return the lines from this record on."""
+        """Read the mounting, up to the first record, and return the lines from this record on."""
         self._reader = LogLineReader(self._path)
         self._mounting = Mounting()
         lines = self._reader.lines()
@@ -144,11 +144,11 @@ def _stem(path: Path) -> str:
 
 
 class _FieldError(Exception):
-    """Fields of a line that are not what its message type asks for."""
+    """Fields of a line that do not fit its message type."""
 
 
 class _CutShortError(_FieldError):
-    """Fewer fields than the message type asks for."""
+    """Fewer fields than the message type has."""
 
 
 def _check_text(line: LogLine) -> None:
@@ -167,7 +167,7 @@ def _check_text(line: LogLine) -> None:
 
 
 def _is_cut(line: LogLine, fields: Sequence[bytes], error: Exception) -> bool:
-    """Tell a last line that was not written to its end from one that is wrong."""
+    """Whether a last line with an error was cut short, rather than written wrongly."""
     if isinstance(error, _CutShortError):
         return True
     return line.number > 1 and not line.ended and (line.text.endswith(b"\0") or not _is_number(fields[-1]))
@@ -267,7 +267,7 @@ def _parse_odom(fields: list[bytes]) -> Frame:
 
 
 def _parse_mounting(fields: list[bytes], mounting: Mounting) -> Mounting:
-    """Mounting with the coordinate that a `PARAM` line gives; any other line leaves it as it is."""
+    """Mounting with the coordinate of a `PARAM` line; unchanged for any other line."""
     name = fields[1] if fields[0] == b"PARAM" and len(fields) > 1 else b""
     if name not in (b"robot_frontlaser_offset", b"robot_frontlaser_side_offset", b"robot_frontlaser_angular_offset"):
         return mounting

@@ -23,10 +23,10 @@ ODOMETRY = re.compile(r"Robot(\d+)_Odometry\.dat(\.gz)?")
 
 
 class MrclamLog(FrameSource):
-    """What one robot of a data set measured; its velocities, each held until the next, are summed up to odometry.
+    """Measurements of one robot of a data set; its velocities are integrated to odometry.
 
     There is a frame for each stamp of the odometry and of the measurements. Observations of other robots are left out,
-    and so are those of barcodes that the data set does not list, these with a warning in the log of this package.
+    and with a warning in the log of this package those of barcodes that the data set does not list.
 
     Parameters
     ----------
@@ -88,7 +88,7 @@ class MrclamLog(FrameSource):
             yield Frame(stamp, pose_odom_robot, observations=observations)
 
     def truth(self) -> tuple[Array, Array]:
-        """Read the poses of the robot as a motion capture system saw it.
+        """Read the poses of the robot by motion capture.
 
         Returns
         -------
@@ -142,21 +142,21 @@ def _robot(path: Path) -> int:
 
 
 def integrate(odometry: Array, stamps: Array) -> Array:
-    """Sum up velocities, each held from its record to the next, on the arcs that they are.
+    """Integrate velocities, each constant from its record to the next, along circular arcs.
 
     Parameters
     ----------
     odometry : stamp, forward velocity and turn rate of each record, shape (n, 3) [s, m/s, rad/s], in order.
-    stamps : rising, shape (k,) [s]; before the first record the robot stands.
+    stamps : ascending, shape (k,) [s]; before the first record the robot stands still.
 
     Returns
     -------
-    poses_odom_robot : at the stamps, shape (k, 3) [m, m, rad]; zero at the first moment of both.
+    poses_odom_robot : at the stamps, shape (k, 3) [m, m, rad]; zero at the earliest time of both.
     """
-    moments = np.union1d(odometry[:, 0], stamps)
-    held = np.searchsorted(odometry[:, 0], moments[:-1], side="right") - 1
-    speeds, rates = np.where(held[:, None] >= 0, odometry[held, 1:], 0.0).T
-    durations = np.diff(moments)
+    times = np.union1d(odometry[:, 0], stamps)
+    current = np.searchsorted(odometry[:, 0], times[:-1], side="right") - 1
+    speeds, rates = np.where(current[:, None] >= 0, odometry[current, 1:], 0.0).T
+    durations = np.diff(times)
     turns = rates * durations
     headings = np.concatenate([[0.0], np.cumsum(turns)])
     # The chord of an arc: numpy's sinc is sin(pi x) / (pi x).
@@ -164,7 +164,7 @@ def integrate(odometry: Array, stamps: Array) -> Array:
     directions = headings[:-1] + 0.5 * turns
     steps = np.stack([chords * np.cos(directions), chords * np.sin(directions)], axis=-1)
     points = np.concatenate([np.zeros((1, 2)), np.cumsum(steps, axis=0)])
-    at = np.searchsorted(moments, stamps)
+    at = np.searchsorted(times, stamps)
     poses = np.column_stack([points, headings])[at]
     poses[:, 2] = wrap_angle(poses[:, 2])
     return poses

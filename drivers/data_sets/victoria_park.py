@@ -28,7 +28,7 @@ class _Vertex:
 class VictoriaPark(FrameSource):
     """A chain of `ODOMETRY` edges, and the `LANDMARK` edges from its poses, each with its landmark's identity.
 
-    There is a frame for each pose. The file has no times: the number of a pose stands for its stamp.
+    There is a frame for each pose. The file has no times: the stamp of a pose is its number.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Writes recordings as the frames come."""
+"""Writes recordings frame by frame."""
 
 import gzip
 import json
@@ -18,18 +18,18 @@ from drivers.recording.recording import Header
 from features.se2 import Array, Pose
 
 FLUSH_EVERY = 50
-"""What a killed process leaves lacks no more than this many of its last frames."""
+"""Largest number of frames that a killed process loses."""
 
 FLUSH_INTERVAL = 1.0
-"""Nor does it lack more than this of its frames by their stamps [s]."""
+"""Largest duration of frames that a killed process loses, by their stamps [s]."""
 
 
 class Recorder:
     """A recording that is being written; a context manager.
 
-    Frames go to the disk as they come, so that memory does not grow and a process that is killed leaves all but its
-    last frames, :data:`FLUSH_EVERY` or those of the last :data:`FLUSH_INTERVAL`. The same frames give the same bytes.
-    Threads may share it.
+    Frames are written as they come, so that memory does not grow and a process that is killed loses no more than
+    :data:`FLUSH_EVERY` frames or those of :data:`FLUSH_INTERVAL`. The same frames give the same bytes. Threads may
+    share a recorder.
 
     Parameters
     ----------
@@ -75,9 +75,9 @@ class Recorder:
         self._flush()
 
     def write(self, frame: Frame, truth: Pose | None = None) -> None:
-        """Add a frame and, where it is known, the true pose of the robot, world frame, shape (3,) [m, m, rad].
+        """Write a frame and, where it is known, the true pose of the robot, world frame, shape (3,) [m, m, rad].
 
-        Ranges are kept to the micrometre, all else to the last digit.
+        Ranges are rounded to the micrometre, other numbers are kept exactly.
         """
         record: dict[str, Any] = {"stamp": float(frame.stamp), "odom": frame.pose_odom_robot.tolist()}
         if truth is not None:
@@ -95,11 +95,11 @@ class Recorder:
         self._append(record, frame.stamp)
 
     def note(self, record: Mapping[str, Any], stamp: float) -> None:
-        """Add a line that is no frame, and over which a reader of frames passes; it came at ``stamp`` [s]."""
+        """Write a line that is no frame, and that readers of frames skip; ``stamp`` is its time [s]."""
         self._append(record, stamp)
 
     def close(self) -> None:
-        """Write what is left and close the file."""
+        """Flush and close the file."""
         with self._lock:
             try:
                 self._gzip.close()

@@ -1,4 +1,4 @@
-"""Our own recordings, JSON lines in gzip, as a source of frames with the truth beside them where it is known."""
+"""Reads recordings, JSON lines in gzip: frames, and the true poses where they are known."""
 
 import itertools
 import json
@@ -8,7 +8,7 @@ import os
 from collections.abc import Iterator
 from dataclasses import asdict
 from pathlib import Path
-from typing import Any, Literal, Self, cast
+from typing import Any, Literal, Self, TypeGuard, cast
 
 import numpy as np
 import numpy.typing as npt
@@ -69,8 +69,8 @@ class Header(_Record):
 class Recording(FrameSource):
     """A recording, as docs/worlds.md describes it.
 
-    Frames come as they were recorded, in the order of their stamps. An end that is cut short, as a process that was
-    killed leaves it, is skipped with a warning in the log of this package.
+    Frames are yielded as they were recorded, in the order of their stamps. A last line that is cut short, as in the
+    recording of a killed process, is skipped with a warning in the log of this package.
 
     Parameters
     ----------
@@ -162,7 +162,7 @@ class Recording(FrameSource):
             raise LogFormatError(f"{self._path} has no scan: expected frames with scans")
 
     def lines(self) -> Iterator[tuple[int, dict[str, Any]]]:
-        """Yield the number and the content of every line behind the header, as they are.
+        """Yield the number and the content of every line after the header.
 
         Raises
         ------
@@ -226,8 +226,11 @@ def _pose(values: Any) -> Pose:
 
 def _numbers(values: Any, *, no_return: bool = False) -> Array:
     """Numbers of a list; null among ranges becomes infinity."""
-    kinds = {int, float, type(None)} if no_return else {int, float}
-    if not isinstance(values, list) or not kinds.issuperset(map(type, cast(list[object], values))):
+    if not _is_list_of(values, {int, float, type(None)} if no_return else {int, float}):
         raise ValueError(f"{str(values)[:40]}: expected a list of numbers")
-    numbers = np.array(cast(list[float | None], values), dtype=np.float64)
+    numbers = np.array(values, dtype=np.float64)
     return np.where(np.isnan(numbers), math.inf, numbers) if no_return else numbers
+
+
+def _is_list_of(values: Any, kinds: set[type]) -> TypeGuard[list[float | None]]:
+    return isinstance(values, list) and kinds.issuperset(map(type, cast(list[object], values)))

@@ -68,7 +68,7 @@ class RevolutionDecoder:
         self._clock = SampleClock(self._period, packet_format.samples, wire_time)
         self._durations = OutlierFilter()
         self._parts: list[tuple[Array, Array, Array]] = []
-        self._begun = self._patchy = False
+        self._started = self._patchy = False
         self._counts = Counts()
 
     @property
@@ -100,23 +100,23 @@ class RevolutionDecoder:
     def _split(self, samples: Samples, times: Array) -> list[LaserScan]:
         """Split samples where revolutions start, and return the revolutions that end."""
         if samples.join is Join.RESTART:
-            self._begun = False
+            self._started = False
         self._patchy |= samples.join is Join.GAP
         scans: list[LaserScan] = []
-        begin = 0
+        first = 0
         for start in samples.starts.nonzero()[0].tolist():
-            self._add(samples, times, begin, start)
-            if self._begun:
+            self._add(samples, times, first, start)
+            if self._started:
                 scans += self._close(times[start])
-            self._parts, self._begun, begin = [], True, start
+            self._parts, self._started, first = [], True, start
             # A gap right before the first sample of a revolution may have cost it samples of its own.
             self._patchy = start == 0 and samples.join is Join.GAP
-        self._add(samples, times, begin, len(samples))
+        self._add(samples, times, first, len(samples))
         return scans
 
-    def _add(self, samples: Samples, times: Array, begin: int, end: int) -> None:
-        if self._begun:
-            self._parts.append((samples.angles_clockwise[begin:end], samples.ranges[begin:end], times[begin:end]))
+    def _add(self, samples: Samples, times: Array, first: int, end: int) -> None:
+        if self._started:
+            self._parts.append((samples.angles_clockwise[first:end], samples.ranges[first:end], times[first:end]))
 
     def _close(self, end: float) -> list[LaserScan]:
         clockwise, ranges, times = (np.concatenate(column) for column in zip(*self._parts, strict=True))

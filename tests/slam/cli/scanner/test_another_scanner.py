@@ -45,9 +45,7 @@ def test_live_maps_with_it_and_keeps_its_bytes(cwlf, port, tmp_path):
     live, again = tmp_path / "live", tmp_path / "again"
     outcome = cwlf("live", "--scanner", "lines", "--port", port, "--out", live)
     assert outcome.code == 0, outcome.err
-    metrics = json.loads((live / "metrics.json").read_text())
-    assert metrics["scans"] == SCANS
-    assert metrics["landmarks"] > 0
+    assert json.loads((live / "metrics.json").read_text())["scans"] == SCANS
     assert cwlf("replay", live / "recording.jsonl.gz", "--speed", 0, "--out", again).code == 0
     assert (again / "trajectory.tum").read_bytes() == (live / "trajectory.tum").read_bytes()
 
