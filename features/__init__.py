@@ -8,6 +8,7 @@ from features.fitting.corner import intersect
 from features.fitting.line_fit import fit_cwlf, fit_line
 from features.scan import LaserScan
 from features.sensor import SENSOR_PRESETS, Mounting, SensorModel, sensor_preset
+from features.signature import Kind, Signatures
 
 __all__ = [
     "SENSOR_PRESETS",
@@ -17,6 +18,7 @@ __all__ = [
     "DegenerateSegmentError",
     "ExtractionConfig",
     "Features",
+    "Kind",
     "LaserScan",
     "Line",
     "LineForm",
@@ -24,6 +26,7 @@ __all__ = [
     "Mounting",
     "ScanFormatError",
     "SensorModel",
+    "Signatures",
     "extract",
     "fit_cwlf",
     "fit_line",

@@ -17,8 +17,11 @@ from features.segmentation.beams import gather_returns, to_cartesian
 from features.segmentation.breaks import fit_rough, meet_at, trim_ends, walls_meet
 from features.segmentation.segments import SEGMENT_RECORD, find_jumps, find_segments, is_short
 from features.sensor import SensorModel
+from features.signature import Kind
 
 DEFAULT_CONFIG = ExtractionConfig()
+
+CONCAVE, CONVEX = int(Kind.CONCAVE), int(Kind.CONVEX)
 
 
 class _WorkArrays(threading.local):
@@ -174,5 +177,5 @@ def find_corner(xs, ys, segment_a, segment_b, line_a, line_b, rules, corner):
     cross = ax * by - ay * bx
     corner.opening_angle = abs(math.atan2(cross, ax * bx + ay * by))
     corner.orientation = math.atan2(ay * length_b + by * length_a, ax * length_b + bx * length_a)
-    corner.convex = cross > 0.0
+    corner.kind = CONVEX if cross > 0.0 else CONCAVE
     return rules.corner_angle_min <= corner.opening_angle <= rules.corner_angle_max

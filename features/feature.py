@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from features.se2 import Array
 from features.sensor import Mounting
+from features.signature import Kind, Signatures
 
 
 class LineForm(IntEnum):
@@ -55,14 +56,19 @@ class Corner:
     cov : shape (2, 2) [m^2].
     opening_angle : angle between the two walls, 0 to pi [rad].
     orientation : direction of the bisector from the corner into the angle between the walls [rad].
-    convex : True where the corner points at the sensor (a pillar), False where it points away (a room).
+    kind : whether the corner is concave (of a room) or convex (of a pillar).
     """
 
     position: Array
     cov: Array
     opening_angle: float
     orientation: float
-    convex: bool
+    kind: Kind
+
+    @property
+    def convex(self) -> bool:
+        """Whether the corner points at the sensor, as those of a pillar do."""
+        return self.kind == Kind.CONVEX
 
 
 LINE_RECORD = np.dtype(
@@ -84,7 +90,7 @@ CORNER_RECORD = np.dtype(
         ("cov", np.float64, (2, 2)),
         ("opening_angle", np.float64),
         ("orientation", np.float64),
-        ("convex", np.bool_),
+        ("kind", np.int64),
     ],
     align=True,
 )
@@ -171,21 +177,14 @@ class Corners:
     records: NDArray[np.void]
 
     @classmethod
-    def of(
-        cls,
-        positions: Array,
-        covs: Array,
-        opening_angles: Array,
-        orientations: Array,
-        convex: NDArray[np.bool_],
-    ) -> "Corners":
-        """Corners from an array for each property, of its shape."""
+    def of(cls, positions: Array, covs: Array, signatures: Signatures) -> "Corners":
+        """Make corners of their positions, covariances and signatures."""
         records = np.empty(len(positions), CORNER_RECORD)
         records["position"] = positions
         records["cov"] = covs
-        records["opening_angle"] = opening_angles
-        records["orientation"] = orientations
-        records["convex"] = convex
+        records["opening_angle"] = signatures.opening_angles
+        records["orientation"] = signatures.orientations
+        records["kind"] = signatures.kinds
         return cls(records)
 
     @property
@@ -209,9 +208,19 @@ class Corners:
         return self.records["orientation"]
 
     @property
+    def kinds(self) -> NDArray[np.int64]:
+        """A :class:`features.signature.Kind` each, shape (K,)."""
+        return self.records["kind"]
+
+    @property
     def convex(self) -> NDArray[np.bool_]:
         """Whether each points at the sensor, shape (K,)."""
-        return self.records["convex"]
+        return self.kinds == Kind.CONVEX
+
+    @property
+    def signatures(self) -> Signatures:
+        """Kinds and angles of all, in the frame of the positions."""
+        return Signatures(self.kinds, self.opening_angles, self.orientations)
 
     def __len__(self) -> int:
         return self.records.size
@@ -223,7 +232,7 @@ class Corners:
             cov=record["cov"],
             opening_angle=float(record["opening_angle"]),
             orientation=float(record["orientation"]),
-            convex=bool(record["convex"]),
+            kind=Kind(record["kind"]),
         )
 
     def __iter__(self) -> Iterator[Corner]:

@@ -6,6 +6,7 @@ from dataclasses import dataclass, field
 from types import MappingProxyType
 
 import numpy as np
+from numpy.typing import NDArray
 
 from features.se2 import Array, Pose, pose, wrap_angle
 
@@ -78,6 +79,10 @@ class SensorModel:
             raise ValueError(
                 f"range_min {self.range_min:g}, range_max {self.range_max:g}: expected 0 <= range_min < range_max"
             )
+
+    def returned(self, ranges: Array) -> NDArray[np.bool_]:
+        """Whether each range is a return: positive and within the limits [m]."""
+        return (ranges > 0.0) & (ranges >= self.range_min) & (ranges <= self.range_max)
 
 
 SENSOR_PRESETS: Mapping[str, SensorModel] = MappingProxyType(

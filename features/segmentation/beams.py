@@ -5,6 +5,7 @@ import math
 import numpy as np
 from numba import njit
 
+from features.returns import is_return
 from features.se2 import TWO_PI
 
 TURN_BITS = 30
@@ -61,7 +62,7 @@ def gather_returns(scan_ranges, scan_angles, range_min, range_max, ranges, angle
         ranges[n] = scan_ranges[beam]
         angles[n] = angle - whole_turns
         beams[n] = beam
-        n += (scan_ranges[beam] > 0.0) & (scan_ranges[beam] >= range_min) & (scan_ranges[beam] <= range_max)
+        n += is_return(scan_ranges[beam], range_min, range_max)
         beam += turn
     return n, (TWO_PI - largest_step) / max(size - 1, 1)
 

@@ -144,9 +144,10 @@ def _pairs(corners: Constellation, first: NDArray[np.int64], second: NDArray[np.
     # Angles as points of a circle, where those that differ by the tolerance are one apart.
     radius = 0.5 / math.sin(SAME_ANGLE / 2.0)
     for at in (first, second):
-        bisectors = corners.orientations[at] - directions
+        signatures = corners.signatures[at]
+        bisectors = signatures.orientations - directions
         fields += [radius * np.cos(bisectors), radius * np.sin(bisectors)]
-        fields += [corners.opening_angles[at] / SAME_ANGLE, FAR_APART * corners.convex[at]]
+        fields += [signatures.opening_angles / SAME_ANGLE, FAR_APART * signatures.kinds]
     return np.column_stack(fields)
 
 

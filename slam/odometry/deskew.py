@@ -25,7 +25,7 @@ def deskew(scan: LaserScan, model: SensorModel, pose_world_robot: Pose, poses_wo
     The scan as taken at once from ``pose_world_robot``, without times.
     """
     axes, lever = model.mounting.axes, np.array([model.mounting.x, model.mounting.y])
-    returned = (scan.ranges > 0.0) & (scan.ranges >= model.range_min) & (scan.ranges <= model.range_max)
+    returned = model.returned(scan.ranges)
     ranges = np.where(returned, scan.ranges, 0.0)
     points_sensor = ranges[:, None] * np.column_stack([np.cos(scan.angles), np.sin(scan.angles)])
     points_robot = points_sensor @ axes.T + lever

@@ -7,6 +7,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from features.returns import is_return
 from features.scan import LaserScan
 from features.se2 import TWO_PI, Array
 from features.sensor import SensorModel
@@ -72,7 +73,7 @@ def scan_points(scan: LaserScan, walls_robot: Array, sensor: SensorModel, distan
 def _points_kernel(
     scan_ranges, scan_angles, range_min, range_max, origin_x, origin_y, yaw, sense, walls_robot, distance
 ):  # fmt: skip
-    kept = (scan_ranges > 0.0) & (scan_ranges >= range_min) & (scan_ranges <= range_max)
+    kept = is_return(scan_ranges, range_min, range_max)
     ranges = scan_ranges[kept]
     bearings = (yaw + sense * scan_angles[kept] + math.pi) % TWO_PI - math.pi
     for i in range(1, ranges.size):

@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 from laws import law
 
 from features import SENSOR_PRESETS, Mounting, SensorModel, sensor_preset
+from features.returns import is_return
 from features.se2 import transform, wrap_angle
 
 GOOD = {"sigma_range": 0.02, "sigma_bearing": 0.002, "range_min": 0.1, "range_max": 40.0}
@@ -40,6 +41,17 @@ def test_limits_may_start_at_zero_and_have_no_end():
     model = SensorModel(**{**GOOD, "range_min": 0.0, "range_max": math.inf})
     assert (model.range_min, model.range_max) == (0.0, math.inf)
     assert model.mounting == Mounting()
+
+
+@law
+@given(st.floats(0.0, 1.0), st.floats(1.5, 40.0), st.lists(st.floats(0.0, 50.0) | st.just(math.inf), min_size=1))
+def test_a_return_is_positive_and_within_the_limits_compiled_or_not(low, high, ranges):
+    model = SensorModel(**{**GOOD, "range_min": low, "range_max": high})
+    measured = np.array([*ranges, 0.0, low, high, math.nextafter(high, math.inf), math.nextafter(low, -math.inf)])
+    expected = [each > 0.0 and low <= each <= high for each in measured.tolist()]
+    assert model.returned(measured).tolist() == expected
+    assert is_return(measured, low, high).tolist() == expected
+    assert [is_return(each, low, high) for each in measured.tolist()] == expected
 
 
 def test_every_preset_is_found_by_its_name():

@@ -7,8 +7,10 @@ import pytest
 
 from features.feature import Corners
 from features.se2 import compose, pose
+from features.signature import Signatures
 from slam.filter.ekf import POSE_DIM, LandmarkEkf
 from slam.filter.front_end import transform_back
+from slam.graph.incremental import LandmarkGraph
 from slam.graph.multi_hypothesis import Sighting, most_likely
 from slam.graph.multi_hypothesis_kernel import move, succeed, weigh
 from slam.graph.reassociation import reassociate
@@ -20,9 +22,8 @@ LANDMARKS = np.array([[3.0, 1.0], [3.0, 1.4], [-2.0, 2.0], [-2.4, 2.0], [0.0, -3
 
 
 def points(positions, sigma=0.05):
-    unknown = np.full(len(positions), np.nan)
     covs = np.tile(sigma**2 * np.eye(2), (len(positions), 1, 1))
-    return Corners.of(np.asarray(positions).reshape(-1, 2), covs, unknown, unknown, np.zeros(len(positions), np.bool_))
+    return Corners.of(np.asarray(positions).reshape(-1, 2), covs, Signatures.of_points(len(positions)))
 
 
 def drive(seed, steps=80):
@@ -72,7 +73,7 @@ def test_what_is_seen_at_once_is_never_one(seed):
 @pytest.mark.parametrize("seed", [1, 2, 3])
 def test_pairs_are_told_apart_without_identities(seed):
     sightings, _ = zip(*drive(seed), strict=True)
-    graph, table = reassociate(pose(), FIRST_COV, sightings, 2.0, 100)
+    graph, table = reassociate(LandmarkGraph(2.0), pose(), FIRST_COV, sightings, 100)
     estimate = graph.optimize(100)
     kept = table.confirmed(3)[estimate.landmarks]
     positions = estimate.positions_world[kept]
