@@ -32,8 +32,9 @@ def discover(ports: Sequence[str]) -> Iterator[str | DriverError]:
         if isinstance(device, DriverError):
             yield device
         else:
-            yield describe(device)
+            description = describe(device)
             device.close()
+            yield description
 
 
 def describe(device: Device) -> str:
