@@ -1,4 +1,8 @@
-"""Lines and corners of 2D laser scans, with covariances (CWLF)."""
+"""Lines and corners of 2D laser scans, with covariances (CWLF).
+
+The package promises :func:`extract` and the values that it takes and gives; ``features.se2`` and ``features.signature``
+serve the other packages too, none of which it imports. Its rooms are segmentation and, below it, fitting.
+"""
 
 from features.config import ExtractionConfig
 from features.errors import CwlfError, DegenerateSegmentError, ScanFormatError

@@ -1,3 +1,4 @@
+# pyright: standard
 """From one scan to its lines and corners."""
 
 import math
@@ -25,7 +26,7 @@ CONCAVE, CONVEX = int(Kind.CONCAVE), int(Kind.CONVEX)
 
 
 class _WorkArrays(threading.local):
-    """What a thread's calls work in; kept, so that a scan allocates its results only."""
+    """Work arrays of one thread, kept between calls, so that a scan allocates only its results."""
 
     beams = -1
     points: Array
@@ -33,7 +34,7 @@ class _WorkArrays(threading.local):
     segments: NDArray[np.void]
 
     def hold(self, beams: int) -> None:
-        # A closed scan is worked on from any of its points a whole turn onwards.
+        # A closed scan is processed from any of its points through a whole turn.
         size = 2 * beams + 2
         self.points = np.empty((4, size))
         self.indices = np.empty((3, size), np.int64)
@@ -47,8 +48,8 @@ _work = _WorkArrays()
 def extract(scan: LaserScan, model: SensorModel, config: ExtractionConfig = DEFAULT_CONFIG) -> Features:
     """Extract the lines and corners of a scan.
 
-    Clusters by jump distance, splits by IEPF, moves each break to where its two walls meet, fits each segment and
-    intersects neighbours.
+    Points are clustered by jump distance and split by iterative end point fit (IEPF). The break between two segments is
+    moved to where their walls meet. A line is fitted to each segment; lines of neighbouring segments are intersected.
 
     Parameters
     ----------
@@ -59,7 +60,7 @@ def extract(scan: LaserScan, model: SensorModel, config: ExtractionConfig = DEFA
     Returns
     -------
     Features
-        Lines and corners in the sensor frame, counter-clockwise; both empty where the scan shows none.
+        Lines and corners in the sensor frame, in counter-clockwise order.
     """
     ranges = scan.ranges
     if ranges.size > _work.beams:

@@ -1,4 +1,4 @@
-"""Lines and corners of one scan, each kind as one value of parallel arrays."""
+"""Lines and corners of one scan, singly and as arrays of records."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -13,7 +13,7 @@ from features.signature import Kind, Signatures
 
 
 class LineForm(IntEnum):
-    """How a line is parametrised; what a fit gives depends on its method and, for a regression, on the axis."""
+    """Parametrisation of a line: a regression gives one of the first two, any other fit the third."""
 
     Y_ON_X = 0
     """``y = m (x - center) + b``, eq. 28; parameters m, b [m]."""
@@ -82,7 +82,7 @@ LINE_RECORD = np.dtype(
         ("count", np.int64),
     ]
 )
-"""A line as the compiled kernels fill it: the fields of :class:`Lines`."""
+"""Record of a line that the compiled kernels fill; :class:`Lines` gives its fields."""
 
 CORNER_RECORD = np.dtype(
     [
@@ -94,12 +94,12 @@ CORNER_RECORD = np.dtype(
     ],
     align=True,
 )
-"""A corner as the compiled kernels fill it: the fields of :class:`Corner`."""
+"""Record of a corner that the compiled kernels fill; :class:`Corners` gives its fields."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Lines:
-    """The L lines of a scan; indexing and iterating give :class:`Line`, its properties are views of the records.
+    """The L lines of a scan: indexing and iterating give a :class:`Line`, properties are views of the records.
 
     Parameters
     ----------
@@ -167,7 +167,7 @@ class Lines:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Corners:
-    """The K corners of a scan; indexing and iterating give :class:`Corner`, its properties are views of the records.
+    """The K corners of a scan: indexing and iterating give a :class:`Corner`, properties are views of the records.
 
     Parameters
     ----------
@@ -239,7 +239,7 @@ class Corners:
         return (self[index] for index in range(len(self)))
 
     def to_robot(self, mounting: Mounting) -> "Corners":
-        """Turn corners of the sensor frame into corners of the robot frame."""
+        """Corners, given in the sensor frame, in the robot frame."""
         if not len(self):
             return self
         axes = mounting.axes
@@ -253,7 +253,7 @@ class Corners:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Features:
-    """What one scan shows: its lines, and the corners where neighbouring lines meet, sensor frame."""
+    """Lines of one scan, and the corners where neighbouring lines meet, sensor frame."""
 
     lines: Lines
     corners: Corners

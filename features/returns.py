@@ -1,3 +1,4 @@
+# pyright: standard
 """Which ranges are returns, for compiled code; :meth:`features.sensor.SensorModel.returned` says it of arrays."""
 
 from numba import njit

@@ -9,10 +9,15 @@ import numpy as np
 import pytest
 from places import ROOT
 
-from features.se2 import pose
+from features.se2 import Array, pose, transform
+from features.signature import Kind
 from sim import Lidar, room
+from slam import Trajectory, ate
 
 SNIPPETS = re.findall(r"```python\n(.*?)```", (ROOT / "README.md").read_text(encoding="utf-8"), flags=re.DOTALL)
+
+EXTENSIONS = [("own_association.py", 33, 0), ("own_back_end.py", 33, 0), ("own_features.py", 4, 2)]
+"""Examples of docs/extending.md, with the corners and columns of the world that they map."""
 
 
 @pytest.fixture
@@ -75,8 +80,27 @@ def test_every_example_runs(log: Path, monkeypatch: pytest.MonkeyPatch, capsys: 
         "draw_floor_plans.py": [str(log.parent / "plans")],
     }
     examples = sorted((ROOT / "examples").glob("*.py"))
-    assert {example.name for example in examples} == set(arguments)
-    for example in examples:
-        monkeypatch.setattr(sys, "argv", [example.name, *arguments[example.name]])
-        runpy.run_path(str(example), run_name="__main__")
+    assert {example.name for example in examples} == {*arguments, *(name for name, *_ in EXTENSIONS)}
+    for name, values in arguments.items():
+        monkeypatch.setattr(sys, "argv", [name, *values])
+        runpy.run_path(str(ROOT / "examples" / name), run_name="__main__")
         assert capsys.readouterr().out
+
+
+@pytest.mark.parametrize(("name", "corners", "columns"), EXTENSIONS)
+def test_an_extension_maps_a_world_without_a_change_in_the_packages(name: str, corners: int, columns: int) -> None:
+    names = runpy.run_path(str(ROOT / "examples" / name), run_name="__main__")
+    run, result = names["run"], names["result"]
+    error = ate(Trajectory(run.stamps, run.poses_world_robot), result.trajectory)
+    # The scanner's noise is 20 mm, and many beams make a pose: what comes along errs by 2 mm here.
+    assert error.rmse_m < 0.005
+    landmarks = transform(error.pose_truth_estimate, result.landmarks.positions)
+    points = result.landmarks.signatures.kinds == Kind.POINT
+    assert mapped(run.world.corners, landmarks[~points]) == corners
+    assert mapped(names.get("COLUMNS", np.empty((0, 2))), landmarks[points]) == points.sum() == columns
+
+
+def mapped(true: Array, landmarks: Array) -> int:
+    """How many true points have a landmark within 20 mm."""
+    distances = np.hypot(*(true[:, None] - landmarks).T)
+    return int((distances < 0.02).any(axis=0).sum()) if len(landmarks) else 0

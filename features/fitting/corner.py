@@ -1,3 +1,4 @@
+# pyright: standard
 """Intersection of two fitted lines and its covariance (section IV.B.2 of the paper)."""
 
 import math

@@ -1,3 +1,4 @@
+# pyright: standard
 """Compiled line fits: each fills the record of a line from the points of one segment."""
 
 import math
@@ -15,10 +16,10 @@ EFFECTIVE_VARIANCE = METHODS.index(("effective-variance", "propagated"))
 TOTAL_LEAST_SQUARES = METHODS.index(("total-least-squares", "propagated"))
 
 SUMS = {"reassoc", "contract", "arcp", "nsz"}
-"""Freedom for the compiler to run sums on vectors; NaN and infinity keep their meaning."""
+"""Optimisations that let the compiler vectorise sums; NaN and infinity are handled as ever."""
 
 MOST_ITERATIONS = 20
-"""Of the effective-variance fit; two or three are usual."""
+"""Limit of the iterations of the effective-variance fit; two or three are usual."""
 
 
 @njit(cache=True, error_model="numpy", fastmath=SUMS, forceinline=True)
@@ -164,7 +165,7 @@ def _fit_effective(u, v, var_range, var_bearing, slope, intercept, center, line)
         step_intercept = (w_aa * g_1 - w_a * g_a) / determinant
         slope += step_slope
         intercept += step_intercept
-        # Steps shrink by the same factor each: the next one is foretold, in its own standard deviations.
+        # Steps shrink by a constant factor: that and the last one predict the next one, in standard deviations.
         size2 = determinant * max(step_slope * step_slope / w_1, step_intercept * step_intercept / w_aa)
         if size2 * size2 < 1e-10 * previous2:
             break

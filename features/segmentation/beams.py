@@ -1,3 +1,4 @@
+# pyright: standard
 """From a scan's beams to points in counter-clockwise order."""
 
 import math
@@ -9,16 +10,16 @@ from features.returns import is_return
 from features.se2 import TWO_PI
 
 TURN_BITS = 30
-"""Of the upper part of a quarter turn: its small multiples are exact."""
+"""Bits behind the binary point of QUARTER_HIGH: so few that its small multiples are exact."""
 
 QUARTER_HIGH = math.ldexp(round(math.ldexp(math.pi / 2.0, TURN_BITS)), -TURN_BITS)
 QUARTER_LOW = math.pi / 2.0 - QUARTER_HIGH
 QUARTER_REST = 6.123233995736766e-17
-"""What the two doubles above leave of pi / 2."""
+"""The remainder of pi / 2 beyond the two doubles above."""
 
 S3, S5, S7, S9, S11, S13, S15 = ((-1.0) ** k / math.factorial(2 * k + 1) for k in range(1, 8))
 C2, C4, C6, C8, C10, C12, C14, C16 = ((-1.0) ** k / math.factorial(2 * k) for k in range(1, 9))
-"""Taylor coefficients of sine and cosine; up to pi / 4 what follows them is below 1e-16."""
+"""Taylor coefficients of sine and cosine; up to pi / 4 the terms left out are below 1e-16."""
 
 
 @njit(cache=True, error_model="numpy")

@@ -1,4 +1,5 @@
-"""The ends of segments: which points belong to which of two walls, and to neither."""
+# pyright: standard
+"""The breaks between segments: which points belong to which of two walls, or to neither."""
 
 import math
 
@@ -150,7 +151,7 @@ def step_back(xs, ys, index, limit, x, y, distance):
 
 @njit(cache=True, error_model="numpy")
 def walls_meet(xs, ys, joint, after, x, y, corner_gap):
-    """Whether both segments end at their intersection, as near as the spacing of their points tells."""
+    """Whether both segments end within ``corner_gap`` and the spacing of their points of their intersection [m]."""
     spacing2_a = (xs[joint] - xs[joint - 1]) ** 2 + (ys[joint] - ys[joint - 1]) ** 2
     spacing2_b = (xs[after] - xs[after + 1]) ** 2 + (ys[after] - ys[after + 1]) ** 2
     gap2_a = (x - xs[joint]) ** 2 + (y - ys[joint]) ** 2

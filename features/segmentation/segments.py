@@ -1,3 +1,4 @@
+# pyright: standard
 """From points to straight segments: jump-distance clusters, split by iterative end point fit (IEPF)."""
 
 import math
@@ -8,7 +9,7 @@ from numba import njit
 from features.se2 import TWO_PI
 
 PLACE_BITS = (1 << 24) - 1
-"""The last bits of a double that :func:`farthest_point` spends on the place of a point: more than a scan has beams."""
+"""Mask of the low bits of a double where :func:`farthest_point` keeps the index of a point; no scan has so many."""
 
 ONE_BITS = int(np.float64(1.0).view(np.int64))
 
@@ -25,10 +26,10 @@ SEGMENT_RECORD = np.dtype(
         ("offset", np.float64),
     ]
 )
-"""A segment while a scan is worked on.
+"""A segment while a scan is processed.
 
 ``first`` and ``last`` are its breaking points, ``begin`` and ``end`` the points that are fitted, ``joined`` says
-whether the next segment continues it, ``line`` is its place among the lines or -1; the rest is its total-least-squares
+whether the next segment continues it, ``line`` is the index of its line or -1; the rest is its total-least-squares
 line, ``normal . p = offset``.
 """
 
@@ -191,8 +192,8 @@ def farthest_point(xs, ys, a, b, var_range, var_bearing, rules):
         # Nearly every segment ends here: no point is beyond the lowest threshold, whatever its noise.
         if not any_beyond(xs, ys, normal_x, normal_y, offset, least):
             return -1
-    # The place of a point rides in the last bits of its factor, a positive number, which orders as an integer does:
-    # one maximum, on vectors, finds both; of points that are equally far the first.
+    # The low bits of a factor hold the index of its point. A positive double orders as the integer of its bits does, so
+    # that one vectorised maximum finds both; of points that are equally far it finds the first.
     best = ONE_BITS | PLACE_BITS
     for i in range(xs.size):
         rho2 = xs[i] * xs[i] + ys[i] * ys[i]

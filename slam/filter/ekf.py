@@ -17,9 +17,9 @@ from numpy.typing import NDArray
 from scipy.linalg import cho_factor, cho_solve
 from scipy.sparse import csr_array
 
-from features.se2 import Array, Pose, compose, rotation, wrap_angle
+from features.se2 import Array, Pose, compose, rotation, transform_inverse, wrap_angle
+from features.se2_kernels import compound
 from slam.errors import DivergedError
-from slam.odometry.cloned_pose import move
 
 POSE_DIM = 3
 
@@ -87,7 +87,7 @@ class LandmarkEkf(ExtendedKalmanFilter):
             The moved pose or its covariance is not finite.
         """
         cross = self.P[:POSE_DIM, POSE_DIM:].copy()
-        pose, cov, finite = move(self.x[:POSE_DIM], self.pose_cov, cross[None], _motion(u), self.Q)
+        pose, cov, finite = compound(self.x[:POSE_DIM], self.pose_cov, cross[None], _motion(u), self.Q)
         if not finite:
             raise DivergedError("the pose or its covariance is no longer finite: look at the odometry and the mounting")
         self.x, self.P = self.x.copy(), self.P.copy()
@@ -234,7 +234,7 @@ def block_diagonal(blocks: Array) -> Array:
 
 def predict_corners(x: Array, landmarks: NDArray[np.int64]) -> Array:
     """Positions of landmarks in the robot frame, shape (k, 2) [m], eq. M14."""
-    return (x[POSE_DIM:].reshape(-1, 2)[landmarks] - x[:2]) @ rotation(x[2])
+    return transform_inverse(x[:POSE_DIM], x[POSE_DIM:].reshape(-1, 2)[landmarks])
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -1,6 +1,5 @@
 """The filter on the landmarks near the robot, and the life of landmarks: birth, merging, rest and end."""
 
-import math
 from dataclasses import replace
 from itertools import combinations
 
@@ -11,7 +10,7 @@ from scipy.spatial.distance import pdist
 
 from features.feature import Corners
 from features.scan import LaserScan
-from features.se2 import Array, Pose, wrap_angle
+from features.se2 import Array, Pose, rotate_each, transform_inverse, wrap_angle
 from features.sensor import SensorModel
 from features.signature import Kind, alike
 from slam.filter.association import Association, Associator, Gates, associate, associate_identified
@@ -121,7 +120,7 @@ class FrontEnd:
         """End landmarks whose place the beams went through more often than they were seen; none ``seen`` just now."""
         if not self.local.size:
             return
-        missed = seen_through(scan, sensor, transform_back(self.ekf.pose, self.ekf.landmarks))
+        missed = seen_through(scan, sensor, transform_inverse(self.ekf.pose, self.ekf.landmarks))
         missed &= ~_among(self.local, seen)
         self.table.misses[self.local[missed]] += 1
         over = self.table.misses[self.local] > self.table.observations[self.local]
@@ -177,9 +176,7 @@ class FrontEnd:
         table = self.table
         known = np.flatnonzero(np.isin(table.key_frames, key_frames))
         homes = poses_world_robot[table.key_frames[known]]
-        c, s = np.cos(homes[:, 2]), np.sin(homes[:, 2])
-        x, y = table.positions[known].T
-        positions_world = homes[:, :2] + np.stack([c * x - s * y, s * x + c * y], axis=-1)
+        positions_world = homes[:, :2] + rotate_each(table.positions[known], homes[:, 2])
         near = np.hypot(*(positions_world - self.ekf.x[:2]).T) < self._keep_distance
         known, homes, positions_world = known[near], homes[near], positions_world[near]
         if not known.size:
@@ -190,7 +187,7 @@ class FrontEnd:
         c, s = np.cos(turns), np.sin(turns)
         axes = np.array([[c, -s], [s, c]]).transpose(2, 0, 1)
         own = block_diagonal(axes @ table.covs[known] @ axes.transpose(0, 2, 1))
-        self.ekf.add_landmarks(transform_back(self.ekf.pose, positions_world), own + by_pose @ cov @ by_pose.T)
+        self.ekf.add_landmarks(transform_inverse(self.ekf.pose, positions_world), own + by_pose @ cov @ by_pose.T)
         table.wake(known, homes[:, 2])
         self.local = np.concatenate([self.local, known])
 
@@ -226,12 +223,6 @@ class FrontEnd:
         if dropped.any():
             self.ekf.forget(np.flatnonzero(dropped))
             self.local = self.local[~dropped]
-
-
-def transform_back(pose_world_robot: Pose, points_world: Array) -> Array:
-    """Points of the world frame, shape (n, 2), in the robot frame."""
-    c, s = math.cos(pose_world_robot[2]), math.sin(pose_world_robot[2])
-    return (points_world - pose_world_robot[:2]) @ np.array([[c, -s], [s, c]])
 
 
 def _among(indices: Indices, others: Indices) -> NDArray[np.bool_]:

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from features.feature import Corners
-from features.se2 import Array
+from features.se2 import Array, rotate_each
 from features.signature import Signatures
 
 Indices = NDArray[np.int64]
@@ -148,10 +148,7 @@ class LandmarkTable:
 
     def turn(self, landmarks: Indices, angle: Array | float) -> None:
         """Turn the orientation of landmarks, as the frame does that they are told in [rad]."""
-        c, s = np.cos(angle), np.sin(angle)
-        x, y = self._sums[landmarks, 1], self._sums[landmarks, 2]
-        self._sums[landmarks, 1] = c * x - s * y
-        self._sums[landmarks, 2] = s * x + c * y
+        self._sums[landmarks, 1:] = rotate_each(self._sums[landmarks, 1:], angle)
 
     def rebase(self, landmarks: Indices, angle: float) -> None:
         """Turn the frame of landmarks in the state [rad]."""

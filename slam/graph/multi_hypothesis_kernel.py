@@ -5,6 +5,7 @@ import math
 import numpy as np
 from numba import njit
 
+from features.se2_kernels import compound
 from slam.filter.ekf import POSE_DIM
 
 
@@ -19,19 +20,14 @@ def move(states, covs, counts, motion, motion_cov):
     motion, motion_cov : shapes (3,) and (3, 3).
     """
     for h in range(len(counts)):
-        used = POSE_DIM + 2 * counts[h]
-        state, cov = states[h, :used], covs[h, :used, :used]
-        c, s = math.cos(state[2]), math.sin(state[2])
-        arm_x, arm_y = c * motion[0] - s * motion[1], s * motion[0] + c * motion[1]
-        state[0] += arm_x
-        state[1] += arm_y
-        state[2] += motion[2]
-        cov[0] -= arm_y * cov[2]
-        cov[1] += arm_x * cov[2]
-        cov[:, 0] -= arm_y * cov[:, 2]
-        cov[:, 1] += arm_x * cov[:, 2]
-        turn = np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
-        cov[:POSE_DIM, :POSE_DIM] += turn @ motion_cov @ turn.T
+        size = 2 * counts[h]
+        pose, cov = states[h, :POSE_DIM], covs[h, : POSE_DIM + size, : POSE_DIM + size]
+        crosses = cov[:POSE_DIM, POSE_DIM:].copy().reshape((1, POSE_DIM, size))
+        pose[:], cov[:POSE_DIM, :POSE_DIM], _ = compound(
+            pose, cov[:POSE_DIM, :POSE_DIM].copy(), crosses, motion, motion_cov
+        )
+        cov[:POSE_DIM, POSE_DIM:] = crosses[0]
+        cov[POSE_DIM:, :POSE_DIM] = crosses[0].T
 
 
 @njit(cache=True, error_model="numpy")

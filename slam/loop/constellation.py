@@ -8,9 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from features.feature import Corners
-from features.se2 import Array, Pose, transform, wrap_angle
+from features.se2 import Array, Pose, align, transform, wrap_angle
 from features.signature import Signatures, alike
-from slam.evaluation.metrics import align
 
 SAME_DISTANCE = 0.3
 """Corners of one passage that are nearer than this, of one kind and signature, are one [m]."""

@@ -24,9 +24,8 @@ def seen_through(scan: LaserScan, sensor: SensorModel, points_robot: Array) -> N
     """Whether every beam next to a point ends well behind it, so that nothing is there, shape (n,)."""
     if not len(scan):
         return np.zeros(len(points_robot), np.bool_)
-    mounting = sensor.mounting
-    points = (points_robot - np.array([mounting.x, mounting.y])) @ mounting.axes
-    return _seen_through(scan.ranges, scan.angles, sensor.range_min, sensor.range_max, points)
+    points_sensor = sensor.mounting.points_to_sensor(points_robot)
+    return _seen_through(scan.ranges, scan.angles, sensor.range_min, sensor.range_max, points_sensor)
 
 
 @njit(cache=True, error_model="numpy")

@@ -80,6 +80,7 @@ def test_one_point_is_carried_as_many_are(mounting, x, y):
     many = mounting.points_to_robot(np.array([[x, y], [0.0, 0.0]]))
     np.testing.assert_allclose(many[0], mounting.points_to_robot(np.array([x, y])), atol=1e-14)
     np.testing.assert_array_equal(many[1], [mounting.x, mounting.y])
+    np.testing.assert_allclose(mounting.points_to_sensor(many), [[x, y], [0.0, 0.0]], atol=1e-14)
 
 
 @law

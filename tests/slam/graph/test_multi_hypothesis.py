@@ -6,10 +6,9 @@ import numpy as np
 import pytest
 
 from features.feature import Corners
-from features.se2 import compose, pose
+from features.se2 import compose, pose, transform_inverse
 from features.signature import Signatures
 from slam.filter.ekf import POSE_DIM, LandmarkEkf
-from slam.filter.front_end import transform_back
 from slam.graph.incremental import LandmarkGraph
 from slam.graph.multi_hypothesis import Sighting, most_likely
 from slam.graph.multi_hypothesis_kernel import move, succeed, weigh
@@ -32,7 +31,7 @@ def drive(seed, steps=80):
     true, motion = pose(), pose()
     for _ in range(steps):
         seen = np.flatnonzero(rng.uniform(size=len(LANDMARKS)) < 0.5)
-        positions = transform_back(true, LANDMARKS[seen]) + rng.normal(0.0, 0.05, (seen.size, 2))
+        positions = transform_inverse(true, LANDMARKS[seen]) + rng.normal(0.0, 0.05, (seen.size, 2))
         yield Sighting(motion, MOTION_COV, points(positions)), seen
         motion = pose(0.2, 0.0, 0.2)
         true = compose(true, motion + np.sqrt(np.diag(MOTION_COV)) * rng.normal(size=3))
