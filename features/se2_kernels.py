@@ -4,10 +4,12 @@
 import math
 
 import numpy as np
-from numba import njit
+from numba import f8
+
+from features.compiled import kernel
 
 
-@njit(cache=True, error_model="numpy")
+@kernel(f8[::1], f8[:, ::1], f8[:, :, ::1], f8[::1], f8[:, ::1])
 def compound(pose, cov, crosses, motion, motion_cov):
     """Append a motion to an uncertain pose (Smith, Self and Cheeseman 1990), eq. M11.
 

@@ -53,7 +53,7 @@ class Mounting:
 
 @dataclass(frozen=True, slots=True)
 class SensorModel:
-    """Noise of a single beam (section III of the paper), range limits and mounting.
+    """Noise of a single beam (eq. M1-M2, section III of the paper), range limits and mounting.
 
     Parameters
     ----------

@@ -10,7 +10,6 @@ from numpy.typing import NDArray
 from drivers.frame import Frame
 from features.scan import LaserScan
 from features.se2 import Array, Pose, compose
-from slam.compiled import announced, load_compiled
 from slam.config import SlamConfig
 from slam.coupling import close_loop, merge, rebase
 from slam.errors import ConfigError
@@ -78,7 +77,6 @@ class Slam:
         self._unidentified: list[Sighting] = []
         self._observations = ObservationCounts()
         self._watch = Watch(config.front_end.match_probability, wheels=config.odometry.source == "line-aided")
-        load_compiled(config)
         self._clock = StageClock("extract", "odometry", "front_end", "back_end", "loop")
 
     @property
@@ -296,10 +294,9 @@ class Slam:
         graph, table, max_iterations = self._graph, self.landmark_table, self.config.back_end.max_iterations
         if len(self._unidentified) == len(self._key_frames):
             first_pose = graph.poses_world_robot[0]
-            with announced():
-                graph, table = reassociate(
-                    self._new_graph(), first_pose, FIRST_POSE_COV, self._unidentified, max_iterations
-                )
+            graph, table = reassociate(
+                self._new_graph(), first_pose, FIRST_POSE_COV, self._unidentified, max_iterations
+            )
         return solve(graph, table, max_iterations)
 
     def _new_graph(self) -> BackEnd:

@@ -4,8 +4,8 @@
 import math
 
 import numpy as np
-from numba import njit
 
+from features.compiled import inner
 from features.returns import is_return
 from features.se2 import TWO_PI
 
@@ -22,7 +22,7 @@ C2, C4, C6, C8, C10, C12, C14, C16 = ((-1.0) ** k / math.factorial(2 * k) for k 
 """Taylor coefficients of sine and cosine; up to pi / 4 the terms left out are below 1e-16."""
 
 
-@njit(cache=True, error_model="numpy")
+@inner()
 def turn_of(angles):
     """Return 1 where the angles rise, or stay, through at most one turn, -1 where they fall, and else 0."""
     falls = 0
@@ -35,7 +35,7 @@ def turn_of(angles):
     return 1 if falls == 0 else -1
 
 
-@njit(cache=True, error_model="numpy")
+@inner()
 def gather_returns(scan_ranges, scan_angles, range_min, range_max, ranges, angles, beams):
     """Fill range, angle and index of the beams with a return, counter-clockwise through at most one turn.
 
@@ -43,13 +43,15 @@ def gather_returns(scan_ranges, scan_angles, range_min, range_max, ranges, angle
     """
     size = scan_angles.size
     turn = turn_of(scan_angles)
-    if turn == 0:
+    order = np.empty(0, np.int64)
+    # A second time where rounding makes a whole turn of an angle just below zero.
+    while turn == 0:
         wrapped = scan_angles % TWO_PI
-        order = np.argsort(wrapped, kind="mergesort")
-        n, spacing = gather_returns(scan_ranges[order], wrapped[order], range_min, range_max, ranges, angles, beams)
-        for i in range(n):
-            beams[i] = order[beams[i]]
-        return n, spacing
+        rising = np.argsort(wrapped, kind="mergesort")
+        scan_ranges = scan_ranges[rising]
+        scan_angles = wrapped[rising]
+        order = order[rising] if order.size > 0 else rising
+        turn = turn_of(scan_angles)
     # Whole turns are taken off, so that sine and cosine see small angles.
     whole_turns = TWO_PI * np.rint(scan_angles[0] / TWO_PI)
     beam = 0 if turn > 0 else size - 1
@@ -65,10 +67,13 @@ def gather_returns(scan_ranges, scan_angles, range_min, range_max, ranges, angle
         beams[n] = beam
         n += is_return(scan_ranges[beam], range_min, range_max)
         beam += turn
+    if order.size > 0:
+        for i in range(n):
+            beams[i] = order[beams[i]]
     return n, (TWO_PI - largest_step) / max(size - 1, 1)
 
 
-@njit(cache=True, error_model="numpy", fastmath={"contract"}, forceinline=True)
+@inner(fastmath={"contract"}, forceinline=True)
 def to_cartesian(ranges, angles, n, xs, ys):
     """Fill x and y of n points whose angles lie within a few turns.
 

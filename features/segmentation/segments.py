@@ -4,8 +4,8 @@
 import math
 
 import numpy as np
-from numba import njit
 
+from features.compiled import inner
 from features.se2 import TWO_PI
 
 PLACE_BITS = (1 << 24) - 1
@@ -34,7 +34,7 @@ line, ``normal . p = offset``.
 """
 
 
-@njit(cache=True, error_model="numpy")
+@inner()
 def find_jumps(xs, ys, ranges, angles, n, slack, jump_angle, largest_gap, jumps):
     """Mark each of the n points behind which a segment ends, the last against the first; True where there is none.
 
@@ -62,7 +62,7 @@ def find_jumps(xs, ys, ranges, angles, n, slack, jump_angle, largest_gap, jumps)
     return found == 0
 
 
-@njit(cache=True, error_model="numpy")
+@inner()
 def find_segments(xs, ys, jumps, total, var_range, var_bearing, rules, stack, segments):
     """Split each cluster of the points 0..total-1 into segments; return their number."""
     count = 0
@@ -79,7 +79,7 @@ def find_segments(xs, ys, jumps, total, var_range, var_bearing, rules, stack, se
     return drop_stubs(xs, ys, var_range, rules, segments, count)
 
 
-@njit(cache=True, error_model="numpy")
+@inner()
 def split_segments(xs, ys, first, last, var_range, var_bearing, rules, stack, segments):
     """Split the points first..last by IEPF; fill the first and the last point of each segment, return their number.
 
@@ -106,7 +106,7 @@ def split_segments(xs, ys, first, last, var_range, var_bearing, rules, stack, se
     return count
 
 
-@njit(cache=True, error_model="numpy")
+@inner()
 def merge_segments(xs, ys, count, var_range, var_bearing, rules, segments):
     """Join neighbours that are one segment by the rule that splits, in place; return the number that is left.
 
@@ -128,7 +128,7 @@ def merge_segments(xs, ys, count, var_range, var_bearing, rules, segments):
     return kept + 1
 
 
-@njit(cache=True, error_model="numpy")
+@inner()
 def drop_stubs(xs, ys, var_range, rules, segments, count):
     """Drop segments too small for a line, in place, and mark which continue in the next; return the number left.
 
@@ -152,13 +152,13 @@ def drop_stubs(xs, ys, var_range, rules, segments, count):
     return kept
 
 
-@njit(cache=True, error_model="numpy", forceinline=True)
+@inner(forceinline=True)
 def is_short(x, y, var_range, rules):
     """Whether the way from end to end is too short for a line, as noise leaves it no direction."""
     return x * x + y * y < min(rules.min_length**2, rules.min_length_sigmas**2 * var_range)
 
 
-@njit(cache=True, error_model="numpy")
+@inner()
 def exceeds(xs, ys, a, b, i, var_range, var_bearing, rules):
     """Whether the point i exceeds the threshold of the chord from a to b."""
     chord_x = xs[b] - xs[a]
@@ -173,7 +173,7 @@ def exceeds(xs, ys, a, b, i, var_range, var_bearing, rules):
     return distance * distance > length2 * max(rules.split_distance**2, rules.split_sigmas**2 * variance)
 
 
-@njit(cache=True, error_model="numpy")
+@inner()
 def farthest_point(xs, ys, a, b, var_range, var_bearing, rules):
     """Index between a and b of the point that exceeds the threshold by the largest factor, -1 where none does."""
     sigmas2 = rules.split_sigmas * rules.split_sigmas
@@ -209,7 +209,7 @@ def farthest_point(xs, ys, a, b, var_range, var_bearing, rules):
     return -1 if best == ONE_BITS | PLACE_BITS else a + PLACE_BITS - (best & PLACE_BITS)
 
 
-@njit(cache=True, error_model="numpy")
+@inner()
 def any_beyond(xs, ys, normal_x, normal_y, offset, distance2):
     """Whether one of the points is farther from a line; counted, so that the compiler runs it on vectors."""
     beyond = 0

@@ -128,7 +128,7 @@ class FrontEnd:
         self._drop(over)
 
     def merge(self) -> list[tuple[int, int]]:
-        """Merge landmarks that are one; return the pairs, the landmark that is kept first."""
+        """Merge landmarks that are one; return the pairs, the landmark that is kept first (eq. M46-M47)."""
         merged = []
         while (pair := self._duplicates()) is not None:
             kept, other = sorted(pair, key=lambda slot: int(self.local[slot]))
@@ -165,7 +165,7 @@ class FrontEnd:
         self.ekf.rebase(pose_world_robot, cov)
 
     def wake(self, poses_world_robot: Array, key_frames: Indices, cov: Array) -> None:
-        """Take landmarks near the robot back from rest.
+        """Take landmarks near the robot back from rest (eq. M44-M45).
 
         Parameters
         ----------

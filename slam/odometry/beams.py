@@ -3,9 +3,10 @@
 import math
 
 import numpy as np
-from numba import njit
+from numba import f8
 from numpy.typing import NDArray
 
+from features.compiled import READ_ONLY, kernel
 from features.returns import is_return
 from features.scan import LaserScan
 from features.se2 import TWO_PI, Array, Pose
@@ -28,7 +29,7 @@ def seen_through(scan: LaserScan, sensor: SensorModel, points_robot: Array) -> N
     return _seen_through(scan.ranges, scan.angles, sensor.range_min, sensor.range_max, points_sensor)
 
 
-@njit(cache=True, error_model="numpy")
+@kernel(READ_ONLY, READ_ONLY, f8, f8, f8[:, ::1])
 def _seen_through(ranges, angles, range_min, range_max, points):
     angles = angles % TWO_PI
     order = np.argsort(angles, kind="mergesort")
@@ -64,7 +65,7 @@ def beyond_walls(scan: ScanPoints, walls: Array, pose_map_robot: Pose) -> int:
     return _beyond_walls(scan.points, mounting.x, mounting.y, walls, pose_map_robot)
 
 
-@njit(cache=True, error_model="numpy")
+@kernel(f8[:, ::1], f8, f8, f8[:, ::1], f8[::1])
 def _beyond_walls(points, origin_x, origin_y, walls, pose):
     n = len(points)
     directions = directions_of(points, origin_x, origin_y)

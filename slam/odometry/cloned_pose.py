@@ -3,8 +3,9 @@
 import math
 
 import numpy as np
-from numba import njit
+from numba import f8
 
+from features.compiled import kernel
 from features.se2 import Array, Pose, between, wrap_angle
 from features.se2_kernels import compound
 
@@ -114,7 +115,7 @@ class Anchor:
         return travel >= distance or turn >= angle
 
 
-@njit(cache=True, error_model="numpy")
+@kernel(f8[:, ::1], f8[:, ::1], f8[:, :, ::1], f8[:, :, ::1], f8[:, ::1], f8[::1])
 def _correct(cov, poses, covs, crosses, information, pull):
     """Change of the pose, and its covariance, by a scan; what belongs to the anchors is changed in place."""
     shrink = np.linalg.inv(np.eye(3) + cov @ information)
@@ -131,7 +132,7 @@ def _correct(cov, poses, covs, crosses, information, pull):
     return change, 0.5 * (after + after.T)
 
 
-@njit(cache=True, error_model="numpy")
+@kernel(f8[::1], f8[::1], f8[:, ::1], f8[:, ::1], f8[:, ::1])
 def _motion_cov(pose_then, pose_now, cov_then, cov_now, cross):
     c = math.cos(pose_then[2])
     s = math.sin(pose_then[2])

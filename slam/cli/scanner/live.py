@@ -48,13 +48,13 @@ def live(
     from drivers.recording.raw_recording import RawRecorder
     from drivers.recording.recorder import Recorder
     from drivers.scanners import find_scanner
+    from slam import pipeline  # noqa: F401, what is compiled is loaded before the motor turns
     from slam.config_file import load_config
-    from slam.pipeline import Slam
     from slam.run.folder import claimed, default_folder
     from slam.run.live_progress import LiveProgress
 
     connect = find_scanner(scanner).connect
-    Slam(load_config(config, preset=sensor))  # what is compiled is there before the motor turns
+    load_config(config, preset=sensor)  # errors in it are reported before the motor turns
     with connect(LiveOptions(port, mode, rpm, baud)) as lidar:
         source = with_odometry(lidar, odometry)
         slam = make_slam(source, sensor, config)

@@ -11,7 +11,7 @@ from scipy.stats import chi2
 
 from features.feature import Corners
 from features.se2 import compose, pose, rotation, transform, wrap_angle
-from slam.filter.association import Gates, associate
+from slam.filter.association import Gates, ObservationCounts, associate
 from slam.filter.association import _innovations as innovations  # the covariances that the gate works with
 from slam.filter.ekf import LandmarkEkf, predict_corners
 
@@ -268,3 +268,41 @@ def test_joint_compatibility_is_right_more_often_than_the_nearest_neighbour():
             wrong_pairs[method] += int((~right).sum())
     assert true_pairs["joint"] > 0.95 * 60 * 8
     assert wrong_pairs["joint"] < 0.2 * wrong_pairs["nearest"]
+
+
+@either_method
+def test_two_points_without_signature_that_are_seen_at_once_are_two_however_near(method):
+    """A corner beside one that is matched may be half of it; a point, such as a barcode, stands for itself."""
+    rules = gates(method, birth_distance=0.5)
+    positions = [[2.0, 1.0], [2.3, 1.0]]
+    known, seen = ([[2.0, 1.0]], positions)
+    points = corners(seen, openings=math.nan, orientations=math.nan)
+    assert outcome(points, corners(known, openings=math.nan, orientations=math.nan), rules) == ({0: 0}, [1])
+    assert outcome(corners(seen), corners(known), rules) == ({0: 0}, [])
+    # Alone it is too near to what was not seen just now to be another one.
+    lone = corners([[2.3, 1.0]], openings=math.nan, orientations=math.nan)
+    assert outcome(lone, corners(known, openings=math.nan, orientations=math.nan), rules) == ({}, [])
+
+
+@either_method
+def test_each_corner_is_counted_once_also_a_point_that_is_new_within_the_gate_of_another(method):
+    known = world(corners([[2.0, 1.0]], openings=math.nan, orientations=math.nan))
+    seen = corners([[2.0, 1.0], [2.05, 1.0], [2.3, 1.0]], openings=math.nan, orientations=math.nan)
+    association = associate(seen, *known, gates(method, birth_distance=0.5))
+    assert (association.corners.tolist(), association.new.tolist(), association.ambiguous) == ([0], [1, 2], 0)
+    counts = ObservationCounts()
+    counts.add(len(seen), association)
+    assert (counts.matched, counts.new, counts.ambiguous, counts.gated_out) == (1, 2, 0, 0)
+
+
+@pytest.mark.parametrize("count", [1, 2, 3, 5])
+def test_pairs_hold_together_up_to_chi_square_of_all_their_degrees_of_freedom(count):
+    """Corners far apart, each off by as much: independent, so their distances add up to the joint one."""
+    known = corners([[3.0 * k, 1.0] for k in range(count)])
+    gate = float(chi2.ppf(0.99, 2 * count))
+    for off2, matched in ((0.99 * gate, count), (1.01 * gate, count - 1)):
+        seen = corners(known.positions + np.array([SIGMA * math.sqrt(off2 / count), 0.0]))
+        association = associate(seen, *world(known), gates())
+        assert len(association.corners) == matched
+        # Landmark and robot are almost without doubt, to 1e-14 of a square metre.
+        assert association.nis == pytest.approx(matched * off2 / count, rel=1e-6)

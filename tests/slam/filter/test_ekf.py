@@ -480,3 +480,13 @@ def test_what_a_forgotten_landmark_told_stays_and_the_rest_goes_on_as_if_it_were
     kept = np.array([0, 1, 2, 3, 4, 7, 8])
     np.testing.assert_allclose(ekf.x, other.x[kept], rtol=0, atol=1e-10)
     np.testing.assert_allclose(ekf.P, other.P[np.ix_(kept, kept)], rtol=0, atol=1e-10)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_new_landmarks_leave_a_symmetric_covariance_symmetric_to_the_bit(seed):
+    """Each factorisation takes one triangle for both: rounding must not tell them apart."""
+    rng = np.random.default_rng(seed)
+    ekf, _ = random_filter(seed, 3)
+    ekf.P = 0.5 * (ekf.P + ekf.P.T)
+    ekf.add_landmarks(rng.normal(0.0, 3.0, (4, 2)), joint_cov(rng, 4))
+    np.testing.assert_array_equal(ekf.P, ekf.P.T)

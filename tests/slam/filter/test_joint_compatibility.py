@@ -1,10 +1,13 @@
 """Joint compatibility: branch and bound against all hypotheses, one by one, and against what it is for."""
 
 import itertools
+import math
 
 import numpy as np
+import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from scipy.optimize import linear_sum_assignment
 from scipy.stats import chi2
 
 from slam.filter.joint_compatibility import joint_compatibility
@@ -93,3 +96,62 @@ def test_nothing_to_choose_from():
     chosen, distance2 = joint_compatibility(none, none, np.empty((0, 2)), np.empty((0, 0)), GATES)
     assert len(chosen) == 0
     assert distance2 == 0.0
+
+
+def everything_admitted(count, rng):
+    """As many corners as landmarks, every pair a candidate: corners and landmarks of the candidates."""
+    corners, landmarks = (index.ravel() for index in np.indices((count, count)))
+    return corners, landmarks, rng.normal(size=(count * count, 2))
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_the_best_of_many_hypotheses_is_found_where_the_search_takes_thousands_of_nodes(seed):
+    """Six corners that may be any of six landmarks, with innovations that are correlated, against all 720 ways.
+
+    The worst way of all is scaled to the gate of a single pair, so that no gate ends a branch: only distances do.
+    """
+    rng = np.random.default_rng(seed)
+    corners, landmarks, innovations = everything_admitted(6, rng)
+    root = rng.normal(size=(72, 90)) / 9.0
+    cov = root @ root.T
+    ways = 6 * np.arange(6) + np.array(list(itertools.permutations(range(6))))
+    rows = (2 * ways[:, :, None] + np.arange(2)).reshape(len(ways), 12)
+    h = innovations.ravel()[rows]
+    distances2 = np.einsum("wi,wi->w", h, np.linalg.solve(cov[rows[:, :, None], rows[:, None]], h[..., None])[..., 0])
+    scale = 0.99 * GATES[1] / distances2.max()
+    chosen, distance2 = joint_compatibility(corners, landmarks, math.sqrt(scale) * innovations, cov, GATES)
+    np.testing.assert_array_equal(chosen, ways[distances2.argmin()])
+    np.testing.assert_allclose(distance2, scale * distances2.min(), rtol=1e-9)
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_where_the_search_is_not_completed_its_result_is_at_least_the_greedy_one(seed):
+    """Fourteen corners that may be most of fourteen landmarks: more ways than any search could try.
+
+    Innovations are independent, so that scipy's assignment knows the best way; it is held against it to show that the
+    search has indeed ended before. The greedy one gives each corner in turn its first landmark that holds together with
+    those before.
+    """
+    rng = np.random.default_rng(seed)
+    corners, landmarks, innovations = everything_admitted(14, rng)
+    innovations *= 0.8
+    kept = rng.random(len(corners)) < 0.9
+    corners, landmarks, innovations = corners[kept], landmarks[kept], innovations[kept]
+    gates = chi2.ppf(0.99, np.maximum(2 * np.arange(15), 1))
+    own = (innovations**2).sum(axis=1)
+    greedy: list[int] = []
+    for corner in range(14):
+        for candidate in np.flatnonzero(corners == corner):
+            taken = landmarks[candidate] in landmarks[greedy]
+            if not taken and own[[*greedy, candidate]].sum() <= gates[len(greedy) + 1]:
+                greedy.append(candidate)
+                break
+    chosen, distance2 = joint_compatibility(corners, landmarks, innovations, np.eye(2 * len(own)), gates)
+    assert len(set(corners[chosen])) == len(set(landmarks[chosen])) == len(chosen)
+    np.testing.assert_allclose(distance2, own[chosen].sum(), rtol=1e-9)
+    assert distance2 <= gates[len(chosen)]
+    assert (-len(chosen), distance2) <= (-len(greedy), own[greedy].sum() * (1.0 + 1e-9))
+    costs = np.full((14, 14), 1e3)
+    costs[corners, landmarks] = own
+    best = costs[linear_sum_assignment(costs)].sum()
+    assert best < distance2 or len(chosen) < 14

@@ -526,3 +526,34 @@ def test_where_the_graph_has_no_solution_key_frames_follow_odometry_and_a_warnin
     unsolved = graph.unsolved()
     assert not unsolved.converged
     np.testing.assert_array_equal(unsolved.poses_world_robot, graph.poses_world_robot)
+
+
+@pytest.mark.parametrize("seed", range(2))
+def test_marginals_at_a_solution_are_those_of_the_graph_without_the_closures_that_it_revoked(seed):
+    """Against the dense information matrix of the residuals without the wrong closure, at the solution."""
+    problem = Problem(seed)
+    problem.close(0, 4)
+    problem.close(1, 5, wrong_by=np.array([1.0, 0.0, 0.0]))
+    graph = problem.graph()
+    estimate = graph.optimize(100)
+    assert revoked(problem, estimate) == [1]
+    pairs, variances = np.array([[0, 1], [4, 2]]), np.array([0.0, 1e-3])
+    pose_covs = graph.pose_covs(estimate, np.arange(6))
+    distances2 = graph.distances2(estimate, pairs, variances)
+
+    problem.closures.pop()
+    solution = np.concatenate([estimate.poses_world_robot.ravel(), estimate.positions_world.ravel()])
+    jacobian = finite_difference(problem.residuals, solution, step=1e-4)
+    cov = np.linalg.inv(jacobian.T @ jacobian)
+    for key, found in enumerate(pose_covs):
+        block = slice(3 * key, 3 * key + 3)
+        turn = block_diag(rotation(estimate.poses_world_robot[key, 2]), 1.0)
+        scale = np.outer(*2 * [np.sqrt(np.diag(cov)[block])])
+        # Where the error of a motion is measured shifts its weight by the size of its residual.
+        np.testing.assert_allclose(turn @ found @ turn.T / scale, cov[block, block] / scale, atol=1e-3)
+    apart = np.hstack([np.eye(2), -np.eye(2)])
+    for (one, other), variance, found in zip(pairs, variances, distances2, strict=True):
+        rows = 18 + np.array([2 * one, 2 * one + 1, 2 * other, 2 * other + 1])
+        difference = apart @ solution[rows]
+        spread = apart @ cov[np.ix_(rows, rows)] @ apart.T + variance * np.eye(2)
+        assert found == pytest.approx(difference @ np.linalg.solve(spread, difference), rel=1e-3)

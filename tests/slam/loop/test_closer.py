@@ -248,3 +248,20 @@ def test_the_passage_of_a_key_frame_is_the_way_about_it_on_that_visit():
     # 16 m to either side; and never what is nearer to now than two visits are apart.
     assert closer.passage(30).tolist() == list(range(14, 47))
     assert closer.passage(60).tolist() == list(range(44, 65))
+
+
+@pytest.mark.parametrize(("sigma", "believed"), [(100.0, True), (0.1, False)])
+def test_walls_of_a_place_where_odometry_cannot_be_are_those_of_a_copy(sigma, believed):
+    """The estimate puts the robot back to the ring, where both looks fit; odometry says that it is 40 m away."""
+    rng = np.random.default_rng(3)
+    truth = along(ROUND, 16)
+    scans = [seen(RING, here, rng) for here in truth]
+    closer = LoopCloser(RULES)
+    for scan in scans:
+        closer.add_key_frame(scan, NO_CORNERS, pose(STEP), 1e-6 * np.eye(3))
+    for k, step in ((3, 40.0), (4, STEP)):
+        closer.add_key_frame(scans[k], NO_CORNERS, pose(step), sigma**2 * np.eye(3) if k == 3 else 1e-6 * np.eye(3))
+        truth = np.concatenate([truth, truth[k : k + 1]])
+        found = closer.find(truth)
+    assert bool(found) == believed
+    assert closer.counts.accepted == believed

@@ -63,3 +63,12 @@ def test_a_turn_is_told_across_the_cut_of_angles():
     distance2 = reckoned(motions).distances2(np.array([0]), slipped[None], NOTHING)
     assert distance2[0] == pytest.approx(0.0, abs=1e-9)
     assert between(chain(motions), slipped) == pytest.approx(np.zeros(3), abs=1e-12)
+
+
+def test_what_odometry_says_is_no_distance_away_wherever_on_a_circle_the_motion_begins():
+    """Headings add up over the cut of angles, from some key frames once and from others twice."""
+    motions = [pose(0.5, 0.0, math.radians(40.0))] * 14
+    reckoning = reckoned(motions)
+    older = np.arange(14)
+    said = np.array([chain(motions[key:]) for key in older])
+    np.testing.assert_allclose(reckoning.distances2(older, said, NOTHING), 0.0, atol=1e-9)

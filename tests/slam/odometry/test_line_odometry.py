@@ -1,7 +1,9 @@
 """Line-aided odometry of simulated robots: consistent increments, with and without wheels, and what is not believed."""
 
+import copy
 import math
 from dataclasses import astuple
+from functools import cache
 
 import numpy as np
 import pytest
@@ -19,7 +21,7 @@ from slam.config import SlamConfig
 from slam.errors import DivergedError
 from slam.evaluation.relations import Relations, read_relations, relations
 from slam.odometry.line_odometry import LineOdometry
-from slam.odometry.registration import Registration
+from slam.odometry.registration import Registration, register
 from slam.parts import line_odometry
 from slam.result.trajectory import Trajectory
 
@@ -282,3 +284,91 @@ def test_a_real_log_backwards_in_time_shows_no_jump():
     ]
     assert len(errors) > 30
     assert max(errors) < 0.3
+
+
+@cache
+def _under_way():
+    run = room_run(6)
+    frames = [frame for _, frame in zip(range(100), run, strict=False)]
+    _, _, odometry = follow(frames, run.poses_world_robot[:100], config_of(run))
+    scan = next(frame.scan for frame in reversed(frames) if frame.scan is not None)
+    return odometry, frames[-1], scan, config_of(run)
+
+
+def scanned_after(motion, monkeypatch, register_):
+    """Drive, report a motion and register the latest scan again with ``register_``: odometry and what it was before.
+
+    Returns the odometry, an anchor of before the motion, and the prediction: its pose and the anchor's covariance.
+    """
+    odometry, last, scan, config = copy.deepcopy(_under_way())
+    anchor = odometry.anchor()
+    odometry.predict(last.stamp + 0.1, compose(last.pose_odom_robot, motion))
+    predicted = odometry.pose, anchor.motion_cov
+    monkeypatch.setattr("slam.odometry.line_odometry.register", register_)
+    odometry.register(last.stamp + 0.1, scan, extract(scan, config.sensor.model(), config.extraction).lines)
+    return odometry, anchor, predicted
+
+
+def feigned(looks):
+    """A registration that finds a step along x from its prior, and a share: each of ``looks`` in turn."""
+    looks = iter(looks)
+
+    def register(scan, walls, prior, prior_cov, start, rules):
+        step, share = next(looks)
+        information = 1e6 * np.eye(3)
+        pull = information @ np.array([step, 0.0, 0.0])
+        moved = np.linalg.solve(np.eye(3) + prior_cov @ information, prior_cov @ pull)
+        return Registration(prior + moved, information, pull, share)
+
+    return register
+
+
+def test_a_slip_that_is_not_confirmed_leaves_the_prediction_and_widens_its_covariance(monkeypatch):
+    """The first look fits 0.8 m further on, the second neither there nor beside the prediction: it may have slipped.
+
+    The covariance grows by the outer product of the slip (eq. M32), which the anchor tells in its own axes.
+    """
+    register = feigned([(0.8, 0.7), (0.001, 0.3), (0.8, 0.3)])
+    odometry, anchor, (predicted, cov) = scanned_after(pose(0.2), monkeypatch, register)
+    assert odometry.counts.failed == 1
+    np.testing.assert_array_equal(odometry.pose, predicted)
+    heading = wrap_angle(float(odometry.pose[2] - anchor.motion[2]))
+    wider = anchor.motion_cov - cov
+    # The feigned look is a compromise with the prediction: short of 0.8 m by its part of the information, 2 % here.
+    size = math.sqrt(np.trace(wider))
+    assert size == pytest.approx(0.8, rel=0.05)
+    slip = size * np.array([math.cos(heading), -math.sin(heading), 0.0])
+    np.testing.assert_allclose(wider, np.outer(slip, slip), atol=0.02 * size**2)
+
+
+def test_after_a_slip_the_robot_is_where_the_registration_puts_it(monkeypatch):
+    """The wheels tell of 0.3 m that were not driven, far beyond their covariance.
+
+    The slip enlarges the covariance (eq. M32) for the registration and for the pose alike. Both are one Gaussian
+    posterior in two forms, so they agree to rounding; with the covariance of before the pose would stay 0.1 mm behind.
+    """
+    fits = []
+
+    def spy(*arguments):
+        fits.append(register(*arguments))
+        return fits[-1]
+
+    odometry, _, (predicted, _) = scanned_after(pose(0.3), monkeypatch, spy)
+    assert odometry.counts.predictions_rejected == 1
+    assert np.hypot(*(odometry.pose - predicted)[:2]) > 0.25
+    np.testing.assert_allclose(odometry.pose, fits[-1].pose_map_robot, rtol=0.0, atol=1e-9)
+
+
+@pytest.mark.parametrize("here", [0.3, 0.35, 0.4])
+@pytest.mark.parametrize(("more", "believed"), [(0.02, False), (0.1, False), (0.25, True)])
+def test_another_pose_is_preferred_only_where_clearly_more_points_lie_on_walls(monkeypatch, here, more, believed):
+    """Elsewhere fewer beams go through walls, and the share is larger by as much: a few points more are chance."""
+    looks = [(0.01, here), *[(0.8, here + more)] * 20]
+
+    def beyond_walls(scan, walls, pose_map_robot):
+        return 20 if math.hypot(*(pose_map_robot - _under_way()[0].pose)[:2]) < 0.5 else 5
+
+    monkeypatch.setattr("slam.odometry.line_odometry.beyond_walls", beyond_walls)
+    odometry, _, (predicted, _) = scanned_after(pose(0.2), monkeypatch, feigned(looks))
+    moved = float(np.hypot(*(odometry.pose - predicted)[:2]))
+    assert moved == pytest.approx(0.8 if believed else 0.01, abs=0.02)

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.stats import chi2
 
-from slam.trust.nis import WINDOW, NisWatch
+from slam.trust.nis import LEVEL, WINDOW, NisWatch
 
 PAIRS = 8
 
@@ -58,3 +58,49 @@ def test_what_errs_together_in_one_window_is_not_told() -> None:
     summary = watch.summary()
     assert summary is not None
     assert summary.above > 0.0
+
+
+@pytest.mark.parametrize("probability", [0.9, 0.99])
+@pytest.mark.parametrize("pairs", [1, 8])
+def test_a_window_is_judged_by_chi_square_of_its_degrees_of_freedom_less_what_the_gate_takes_off(
+    probability: float, pairs: int
+) -> None:
+    """The oracle takes what the gate leaves of the mean of a pair by numerical integration."""
+    gate = chi2.ppf(probability, 2)
+    mean = chi2.expect(lambda nis: nis, (2,), ub=gate, conditional=True)
+    dof = 2 * pairs * WINDOW
+    low, high = (chi2.ppf(level, dof) * mean / 2.0 for level in ((1.0 - LEVEL) / 2.0, (1.0 + LEVEL) / 2.0))
+    for nis, expected in [
+        (low * (1.0 - 1e-6), (0.0, 1.0)),
+        (low * (1.0 + 1e-6), (0.0, 0.0)),
+        (high * (1.0 - 1e-6), (0.0, 0.0)),
+        (high * (1.0 + 1e-6), (1.0, 0.0)),
+    ]:
+        watch = NisWatch(probability)
+        for _ in range(WINDOW):
+            watch.add(float(nis) / WINDOW, pairs)
+        summary = watch.summary()
+        assert summary is not None
+        assert (summary.windows, summary.level) == (1, LEVEL)
+        assert (summary.above, summary.below) == expected
+        assert summary.per_dof == pytest.approx(nis / dof / (mean / 2.0), rel=1e-6)
+
+
+def test_updates_without_a_pair_count_for_nothing() -> None:
+    watch = NisWatch(0.99)
+    for _ in range(WINDOW):
+        watch.add(2.0 * PAIRS, PAIRS)
+        watch.add(0.0, 0)
+    summary = watch.summary()
+    assert summary is not None
+    assert (summary.windows, summary.above, summary.below) == (1, 0.0, 0.0)
+
+
+def test_single_updates_far_off_that_share_no_window_are_not_told() -> None:
+    """Each takes all windows that it is in above their bounds, one fewer than would be told, and then all is well."""
+    watch = NisWatch(0.99)
+    for k in range(10 * WINDOW):
+        assert not watch.add(1e4 if k % (2 * WINDOW) == 0 else 2.0 * PAIRS, PAIRS)
+    summary = watch.summary()
+    assert summary is not None
+    assert 0.4 < summary.above < 0.6

@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from numpy.testing import assert_array_equal
 from rplidar_streams import stream
 
-from drivers.rplidar import FORMATS, Answer, Join, SampleDecoder, Samples, encode_dense
+from drivers.rplidar import FORMATS, Answer, Join, SampleDecoder, Samples, encode_dense, encode_hq
 from drivers.rplidar.codecs.framing import BLOCK
 
 answers = st.sampled_from(list(FORMATS))
@@ -190,3 +190,47 @@ def test_blocks_of_the_framer_leave_no_seam(answer):
     )
     assert decoder.counts.dropped_bytes == 0
     assert len(batches) >= 2
+
+
+@pytest.mark.parametrize("answer", [answer for answer in FORMATS if FORMATS[answer].measure is not None])
+def test_a_revolution_that_starts_with_a_capsule_is_noticed_however_the_bytes_come(answer):
+    """The last sample before it came with another feed, and its angle is told by what lies between two capsules."""
+    samples, step = FORMATS[answer].samples, 0.4
+    first = 360.0 + 0.5 * step - 2.0 * step * samples
+    sent = stream(answer, 6, np.random.default_rng(0), first_deg=first, step_deg=step)
+    decoder = SampleDecoder(answer)
+    one_by_one = joined([batch for packet in sent.packets for batch in decoder.feed(packet)])
+    for found in (whole(answer, sent.packets), one_by_one):
+        assert found.starts.nonzero()[0].tolist() == [2 * samples]
+
+
+def test_a_scanner_that_does_not_turn_starts_no_revolution():
+    decoder = SampleDecoder(Answer.DENSE)
+    batches = decoder.feed(b"".join(encode_dense(np.radians(30.0), np.ones(40)) for _ in range(5)))
+    assert len(joined(batches)) == 4 * 40
+    assert not joined(batches).starts.any()
+
+
+@pytest.mark.parametrize(("back_deg", "started"), [(5.0, False), (20.0, True)])
+def test_behind_a_gap_a_revolution_starts_where_the_angle_is_smaller_by_more_than_an_optical_offset(back_deg, started):
+    """Angles of a triangulating scanner go back a little where the range grows, within a revolution."""
+
+    def packet(first_deg):
+        angles = np.radians(first_deg + 0.2 * np.arange(96))
+        return encode_hq(angles, np.ones(96), np.full(96, 40, np.uint8), np.zeros(96, np.bool_))
+
+    last_deg = 100.0 + 0.2 * 95
+    lost = bytearray(packet(120.0))
+    lost[20] ^= 1
+    batches = SampleDecoder(Answer.HQ).feed(packet(100.0) + bytes(lost) + packet(last_deg - back_deg))
+    assert [batch.join for batch in batches] == [Join.RESTART, Join.GAP]
+    assert joined(batches).starts.nonzero()[0].tolist() == [96] * started
+
+
+def test_a_scanner_that_begins_again_at_another_speed_is_believed_at_once():
+    rng = np.random.default_rng(0)
+    slow, fast = (stream(Answer.DENSE, 8, rng, step_deg=step) for step in (0.2, 0.8))
+    decoder, batches = damaged(Answer.DENSE, b"".join([*slow.packets, *fast.packets]))
+    assert_array_equal(ranges_of(batches), np.concatenate([slow.ranges[: 7 * 40], fast.ranges[: 7 * 40]]))
+    assert decoder.counts.discontinuities == 0
+    assert decoder.counts.restarts == 1
