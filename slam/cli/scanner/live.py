@@ -16,7 +16,7 @@ from slam.cli.scanner.options import (
     View,
     ViewFile,
 )
-from slam.cli.scanner.session import make_slam, open_session, with_odometry
+from slam.cli.scanner.session import open_session, with_odometry
 
 RECORDING = "recording.jsonl.gz"
 """File in the run folder with the recorded scans and bytes."""
@@ -48,8 +48,8 @@ def live(
     from drivers.recording.raw_recording import RawRecorder
     from drivers.recording.recorder import Recorder
     from drivers.scanners import find_scanner
-    from slam import pipeline  # noqa: F401, what is compiled is loaded before the motor turns
     from slam.config_file import load_config
+    from slam.pipeline import Slam  # loads what is compiled, before the motor turns
     from slam.run.folder import claimed, default_folder
     from slam.run.live_progress import LiveProgress
 
@@ -57,7 +57,7 @@ def live(
     load_config(config, preset=sensor)  # errors in it are reported before the motor turns
     with connect(LiveOptions(port, mode, rpm, baud)) as lidar:
         source = with_odometry(lidar, odometry)
-        slam = make_slam(source, sensor, config)
+        slam = Slam(load_config(config, preset=sensor, source=source.info))
         with claimed(out or default_folder(f"live-{lidar.name}", datetime.now()), overwrite=overwrite) as folder:
             with Recorder(folder / RECORDING, source.info, overwrite=overwrite) as recorder:
                 lidar.start(RawRecorder(recorder))

@@ -10,7 +10,7 @@ import typer
 from slam.cli.finish import leave, save
 from slam.cli.options import Config, Out, Overwrite, Sensor
 from slam.cli.scanner.options import Limit, View, ViewFile
-from slam.cli.scanner.session import make_slam, open_session
+from slam.cli.scanner.session import open_session
 
 
 def replay(
@@ -32,13 +32,15 @@ def replay(
     from drivers.adapters import Paced
     from drivers.recording.raw_recording import RawRecording, has_raw_bytes
     from drivers.recording.recording import Recording
+    from slam.config_file import load_config
+    from slam.pipeline import Slam
     from slam.run.folder import claimed, default_folder
     from slam.run.live_progress import LiveProgress
 
     decoded = Recording(recording)
     raw = RawRecording(recording) if has_raw_bytes(decoded) else None
     source = decoded if raw is None else raw
-    slam = make_slam(source, sensor, config)
+    slam = Slam(load_config(config, preset=sensor, source=source.info))
     with claimed(out or default_folder(f"replay-{source.name}", datetime.now()), overwrite=overwrite) as folder:
         progress = LiveProgress(source.name, slam, None if raw is None else lambda: raw.counts)
         with open_session(slam, source, progress, view=view, view_file=view_file) as session:

@@ -1,4 +1,4 @@
-"""What the commands ``live``, ``record`` and ``replay`` share: odometry, the recording, SLAM and its session."""
+"""Parts of the commands ``live``, ``record`` and ``replay``: odometry, and the session with its view."""
 
 from __future__ import annotations
 
@@ -23,14 +23,6 @@ def with_odometry(source: FrameSource, odometry: str | None) -> FrameSource:
     from drivers.odometry_stream import OdometryStream
 
     return source if odometry is None else WithOdometry(source, OdometryStream(odometry))
-
-
-def make_slam(source: FrameSource, sensor: str | None, config: Path | None) -> Slam:
-    """SLAM for the frames of a source, by the options of a command."""
-    from slam.config_file import load_config
-    from slam.pipeline import Slam
-
-    return Slam(load_config(config, preset=sensor, source=source.info))
 
 
 @contextmanager
