@@ -4,9 +4,8 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 
-from drivers.frame import Frame
+from drivers.frame import Frame, FrameSource, SourceInfo
 from features.se2 import Array
-from features.sensor import Mounting
 from sim.motion.odometry import Odometry
 from sim.motion.person import Person
 from sim.motion.true_trajectory import TrueTrajectory
@@ -14,8 +13,8 @@ from sim.sensing.lidar import Lidar, Measurement
 from sim.worlds.world import World
 
 
-class SimulatedRun:
-    """A drive of a robot through a world, as a source of frames (``drivers.frame.FrameSource``).
+class SimulatedRun(FrameSource):
+    """A drive of a robot through a world, as a source of frames.
 
     Each iteration yields the same frames, one for each pose of the trajectory; those at the rate of the lidar have a
     scan.
@@ -37,7 +36,7 @@ class SimulatedRun:
     poses_world_robot : true pose of each frame, shape (n, 3) [m, m, rad].
     poses_odom_robot : odometry pose of each frame, shape (n, 3) [m, m, rad]; the first is the true first pose.
     has_scan : whether each frame has a scan, shape (n,).
-    world, lidar, name, sensor, trajectory, people : as given.
+    world, lidar, trajectory, people : as given.
 
     Raises
     ------
@@ -63,10 +62,9 @@ class SimulatedRun:
                 "expected a whole multiple of the lidar's rate"
             )
         odometry_seed, self._lidar_seed = np.random.SeedSequence(seed).spawn(2)
-        self.name = name
+        self._info = SourceInfo(name, sensor, lidar.mounting)
         self.world = world
         self.lidar = lidar
-        self.sensor = sensor
         self.people = tuple(people)
         self.trajectory = trajectory
         self.stamps: Array = trajectory.stamps
@@ -76,14 +74,9 @@ class SimulatedRun:
         self._yielded = 0
 
     @property
-    def mounting(self) -> Mounting:
-        """Pose of the lidar on the robot."""
-        return self.lidar.mounting
-
-    @property
-    def has_odometry(self) -> bool:
-        """Always true: a simulated robot has odometry."""
-        return True
+    def info(self) -> SourceInfo:
+        """Name, sensor and mounting of the lidar; a simulated robot has odometry."""
+        return self._info
 
     @property
     def progress(self) -> float:

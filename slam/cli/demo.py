@@ -29,7 +29,7 @@ def demo(
     from slam.run.session import Session
 
     source = room_run(seed)
-    config = load_config(None, source_preset=source.sensor, source_mounting=source.mounting, seed=seed)
+    config = load_config(None, source=source.info, seed=seed)
     with claimed(out or default_folder("demo", datetime.now()), overwrite=overwrite) as folder:
         result, error = Session(Slam(config), LogPosition(source.name), ProgressBar(source.name)).run(source)
         evaluation = evaluate_simulated(source, result)

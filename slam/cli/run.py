@@ -44,8 +44,8 @@ def run(
     """Process a recorded log into a run folder: trajectory, landmarks, metrics, configuration and map."""
     from datetime import datetime
 
-    from drivers.excerpt import Excerpt
     from drivers.open_log import open_log
+    from drivers.subsampling import Subsampled
     from slam.config import without_identities
     from slam.config_file import check_same, load_config
     from slam.pipeline import Slam
@@ -57,17 +57,10 @@ def run(
     if resume and (out is None or overwrite):
         raise typer.BadParameter("give the stopped run with --out, and no --overwrite", param_hint="--resume")
     path = _victoria_park() if log == VICTORIA_PARK and not log.exists() else log
-    source = Excerpt(open_log(path, scan_topic=scan_topic, odom_topic=odom_topic), every, skip)
+    source = Subsampled(open_log(path, scan_topic=scan_topic, odom_topic=odom_topic), every, skip)
 
     def asked() -> SlamConfig:
-        given = load_config(
-            config,
-            preset=sensor,
-            source_preset=source.sensor,
-            source_mounting=source.mounting,
-            source_odometry=source.has_odometry,
-            seed=seed,
-        )
+        given = load_config(config, preset=sensor, source=source.info, seed=seed)
         return without_identities(given) if ignore_identities else given
 
     if out is not None and resume:

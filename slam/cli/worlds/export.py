@@ -33,6 +33,6 @@ def export(
             'run it with source = "lines" in [odometry]',
             err=True,
         )
-    sensor = load_config(None, source_preset=source.sensor).sensor
+    sensor = load_config(None, source=source.info).sensor
     write_carmen(out, source, source.mounting, sensor.range_max_m)
     typer.echo(f"{to}: {out}")

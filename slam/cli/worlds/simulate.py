@@ -55,9 +55,7 @@ def simulate(
     )
     recorder = Recorder(
         out,
-        name=source.name,
-        sensor=sensor,
-        mounting=source.mounting,
+        source.info,
         walls=source.world.walls,
         glass=source.world.glass,
         overwrite=overwrite,

@@ -35,7 +35,7 @@ RECORDS = 1600
 @cache
 def room():
     source = room_run(4)
-    config = load_config(None, source_preset=source.sensor, source_mounting=source.mounting)
+    config = load_config(None, source=source.info)
     return list(itertools.islice(source, RECORDS)), config
 
 
