@@ -7,6 +7,7 @@ import pytest
 
 from features.feature import Corners
 from features.se2 import pose
+from features.signature import Signatures
 from slam.filter.association import Gates
 from slam.filter.ekf import predict_corners
 from slam.filter.front_end import FrontEnd
@@ -18,7 +19,7 @@ KEEP = 20.0
 def corners(positions):
     k = len(positions)
     covs = np.repeat(1e-4 * np.eye(2)[None], k, axis=0)
-    return Corners.of(positions, covs, np.full(k, math.pi / 2), np.zeros(k), np.zeros(k, np.bool_))
+    return Corners.of(positions, covs, Signatures(np.zeros(k, np.int64), np.full(k, math.pi / 2), np.zeros(k)))
 
 
 def front_end(local, known, rng):

@@ -11,8 +11,7 @@ import subprocess
 import sys
 from pathlib import Path
 
-from slam.study.output import markdown_table
-from slam.study.paper.page import fill
+from slam.study.output import fill, markdown_table
 
 ROOT = Path(__file__).parents[1]
 DATA = Path(os.environ.get("CWLF_DATA", ROOT / ".." / "shared" / "data"))

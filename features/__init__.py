@@ -1,4 +1,8 @@
-"""Lines and corners of 2D laser scans, with covariances (CWLF)."""
+"""Lines and corners of 2D laser scans, with covariances (CWLF).
+
+The package promises :func:`extract` and the values that it takes and gives; ``features.se2`` and ``features.signature``
+serve the other packages too, none of which it imports. Its rooms are segmentation and, below it, fitting.
+"""
 
 from features.config import ExtractionConfig
 from features.errors import CwlfError, DegenerateSegmentError, ScanFormatError
@@ -8,6 +12,7 @@ from features.fitting.corner import intersect
 from features.fitting.line_fit import fit_cwlf, fit_line
 from features.scan import LaserScan
 from features.sensor import SENSOR_PRESETS, Mounting, SensorModel, sensor_preset
+from features.signature import Kind, Signatures
 
 __all__ = [
     "SENSOR_PRESETS",
@@ -17,6 +22,7 @@ __all__ = [
     "DegenerateSegmentError",
     "ExtractionConfig",
     "Features",
+    "Kind",
     "LaserScan",
     "Line",
     "LineForm",
@@ -24,6 +30,7 @@ __all__ = [
     "Mounting",
     "ScanFormatError",
     "SensorModel",
+    "Signatures",
     "extract",
     "fit_cwlf",
     "fit_line",

@@ -10,7 +10,7 @@ from pydantic import BaseModel, ConfigDict, Field, model_validator
 from features.se2 import Array
 
 Covariance = Literal["propagated", "paper"]
-"""Form of the line covariance: ``paper`` is eq. 31-32, ``propagated`` carries each point's whole variance."""
+"""How the covariance of a line is computed: ``paper`` by eq. 31-32, ``propagated`` from the noise of every point."""
 
 
 LineFit = Literal["effective-variance", "cwlf", "arras-siegwart", "total-least-squares"]
@@ -23,11 +23,11 @@ METHODS: tuple[tuple[LineFit, Covariance], ...] = (
     ("effective-variance", "propagated"),
     ("total-least-squares", "propagated"),
 )
-"""Fits with the form of their covariance; the compiled kernels know a method by its place here."""
+"""Line fits, each with a form of the covariance; compiled kernels take a method as its index in this tuple."""
 
 
 class ExtractionConfig(BaseModel):
-    """What counts as a segment, a line and a corner."""
+    """Parameters of the extraction: what counts as a segment, as a line and as a corner."""
 
     model_config = ConfigDict(frozen=True, extra="forbid", strict=True, allow_inf_nan=False)
 
@@ -44,16 +44,16 @@ class ExtractionConfig(BaseModel):
     gap_beams: float = Field(default=3.5, gt=1.0, description="a gap of more beam spacings than this ends a segment")
     split_distance_mm: float = Field(default=50.0, gt=0.0, description="floor of the IEPF threshold [mm]")
     split_sigmas: float = Field(default=5.0, gt=0.0, description="IEPF threshold in standard deviations of a range")
-    trim_points: int = Field(default=1, ge=0, description="points at each end of a segment that belong to neither wall")
+    trim_points: int = Field(default=1, ge=0, description="points left out at each end of a segment")
     trim_sigmas: float = Field(
         default=2.0,
         ge=0.0,
-        description="points nearer to the end of a segment than this, in standard deviations of a range, too",
+        description="points so near to the end of a segment are left out too, in standard deviations of a range",
     )
-    min_points: int = Field(default=5, ge=2, description="points of a line after trimming")
-    min_length_m: float = Field(default=0.25, gt=0.0, description="length of a line after trimming [m]")
+    min_points: int = Field(default=5, ge=2, description="least number of points of a line after trimming")
+    min_length_m: float = Field(default=0.25, gt=0.0, description="least length of a line after trimming [m]")
     min_length_sigmas: float = Field(
-        default=12.5, gt=0.0, description="the same in standard deviations of a range, where that is shorter"
+        default=12.5, gt=0.0, description="least length in standard deviations of a range, where that is shorter"
     )
     corner_angle_min_deg: float = Field(default=30.0, gt=0.0, lt=180.0, description="sharpest corner [deg]")
     corner_angle_max_deg: float = Field(default=150.0, gt=0.0, lt=180.0, description="bluntest corner [deg]")
@@ -94,7 +94,7 @@ class ExtractionConfig(BaseModel):
 
 
 class Rules(NamedTuple):
-    """:class:`ExtractionConfig` in SI units [m, rad], the method as its place in :data:`METHODS`."""
+    """:class:`ExtractionConfig` in SI units [m, rad]; the method is its index in :data:`METHODS`."""
 
     jump_angle: float
     gap_beams: float

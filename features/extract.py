@@ -1,12 +1,14 @@
+# pyright: standard
 """From one scan to its lines and corners."""
 
 import math
 import threading
 
 import numpy as np
-from numba import njit
+from numba import f8, from_dtype, i8
 from numpy.typing import NDArray
 
+from features.compiled import READ_ONLY, inner, kernel
 from features.config import ExtractionConfig, Rules
 from features.feature import CORNER_RECORD, LINE_RECORD, Corners, Features, Lines
 from features.fitting.corner import intersect_kernel
@@ -17,12 +19,15 @@ from features.segmentation.beams import gather_returns, to_cartesian
 from features.segmentation.breaks import fit_rough, meet_at, trim_ends, walls_meet
 from features.segmentation.segments import SEGMENT_RECORD, find_jumps, find_segments, is_short
 from features.sensor import SensorModel
+from features.signature import Kind
 
 DEFAULT_CONFIG = ExtractionConfig()
 
+CONCAVE, CONVEX = int(Kind.CONCAVE), int(Kind.CONVEX)
+
 
 class _WorkArrays(threading.local):
-    """What a thread's calls work in; kept, so that a scan allocates its results only."""
+    """Work arrays of one thread, kept between calls, so that a scan allocates only its results."""
 
     beams = -1
     points: Array
@@ -30,7 +35,7 @@ class _WorkArrays(threading.local):
     segments: NDArray[np.void]
 
     def hold(self, beams: int) -> None:
-        # A closed scan is worked on from any of its points a whole turn onwards.
+        # A closed scan is processed from any of its points through a whole turn.
         size = 2 * beams + 2
         self.points = np.empty((4, size))
         self.indices = np.empty((3, size), np.int64)
@@ -44,8 +49,8 @@ _work = _WorkArrays()
 def extract(scan: LaserScan, model: SensorModel, config: ExtractionConfig = DEFAULT_CONFIG) -> Features:
     """Extract the lines and corners of a scan.
 
-    Clusters by jump distance, splits by IEPF, moves each break to where its two walls meet, fits each segment and
-    intersects neighbours.
+    Points are clustered by jump distance and split by iterative end point fit (IEPF). The break between two segments is
+    moved to where their walls meet. A line is fitted to each segment; lines of neighbouring segments are intersected.
 
     Parameters
     ----------
@@ -56,7 +61,7 @@ def extract(scan: LaserScan, model: SensorModel, config: ExtractionConfig = DEFA
     Returns
     -------
     Features
-        Lines and corners in the sensor frame, counter-clockwise; both empty where the scan shows none.
+        Lines and corners in the sensor frame, in counter-clockwise order.
     """
     ranges = scan.ranges
     if ranges.size > _work.beams:
@@ -76,7 +81,45 @@ def extract(scan: LaserScan, model: SensorModel, config: ExtractionConfig = DEFA
     return Features(Lines(lines), Corners(corners))
 
 
-@njit(cache=True, error_model="numpy", nogil=True)
+@inner(forceinline=True)
+def fit_segment(xs, ys, segment, var_range, var_bearing, rules, line):
+    """Fill the line of a segment; False where it is too small or its points do not define one."""
+    xs = xs[segment.begin : segment.end + 1]
+    ys = ys[segment.begin : segment.end + 1]
+    if xs.size < rules.min_points or is_short(xs[-1] - xs[0], ys[-1] - ys[0], var_range, rules):
+        return False
+    if not fit_kernel(xs, ys, var_range, var_bearing, rules.method, line):
+        return False
+    project_ends(xs, ys, line)
+    line.count = xs.size
+    return True
+
+
+@inner()
+def find_corner(xs, ys, segment_a, segment_b, line_a, line_b, rules, corner):
+    """Fill the corner of two neighbours; False where the walls do not meet or their angle is outside the rules."""
+    if not intersect_kernel(line_a, line_b, corner.position, corner.cov):
+        return False
+    if not walls_meet(
+        xs, ys, segment_a.last, segment_b.first, corner.position[0], corner.position[1], rules.corner_gap
+    ):
+        return False
+    ax = line_a.ends[0, 0] - line_a.ends[1, 0]
+    ay = line_a.ends[0, 1] - line_a.ends[1, 1]
+    bx = line_b.ends[1, 0] - line_b.ends[0, 0]
+    by = line_b.ends[1, 1] - line_b.ends[0, 1]
+    length_a = math.sqrt(ax * ax + ay * ay)
+    length_b = math.sqrt(bx * bx + by * by)
+    cross = ax * by - ay * bx
+    corner.opening_angle = abs(math.atan2(cross, ax * bx + ay * by))
+    corner.orientation = math.atan2(ay * length_b + by * length_a, ax * length_b + bx * length_a)
+    corner.kind = CONVEX if cross > 0.0 else CONCAVE
+    return rules.corner_angle_min <= corner.opening_angle <= rules.corner_angle_max
+
+
+@kernel(
+    READ_ONLY, READ_ONLY, f8, f8, f8, f8, f8[::1], f8[:, ::1], i8[:, ::1], from_dtype(SEGMENT_RECORD)[::1], nogil=True
+)  # fmt: skip
 def _extract_kernel(
     scan_ranges, scan_angles, sigma_range, sigma_bearing, range_min, range_max, numbers, points, indices, segments
 ):
@@ -140,39 +183,3 @@ def _extract_kernel(
         if segments[k].joined and after != k and a >= 0 and b >= 0:
             met += find_corner(xs, ys, segments[k], segments[after], lines[a], lines[b], rules, corners[met])
     return lines[:found], corners[:met]
-
-
-@njit(cache=True, error_model="numpy", forceinline=True)
-def fit_segment(xs, ys, segment, var_range, var_bearing, rules, line):
-    """Fill the line of a segment; False where it is too small or its points do not define one."""
-    xs = xs[segment.begin : segment.end + 1]
-    ys = ys[segment.begin : segment.end + 1]
-    if xs.size < rules.min_points or is_short(xs[-1] - xs[0], ys[-1] - ys[0], var_range, rules):
-        return False
-    if not fit_kernel(xs, ys, var_range, var_bearing, rules.method, line):
-        return False
-    project_ends(xs, ys, line)
-    line.count = xs.size
-    return True
-
-
-@njit(cache=True, error_model="numpy")
-def find_corner(xs, ys, segment_a, segment_b, line_a, line_b, rules, corner):
-    """Fill the corner of two neighbours; False where the walls do not meet or their angle is outside the rules."""
-    if not intersect_kernel(line_a, line_b, corner.position, corner.cov):
-        return False
-    if not walls_meet(
-        xs, ys, segment_a.last, segment_b.first, corner.position[0], corner.position[1], rules.corner_gap
-    ):
-        return False
-    ax = line_a.ends[0, 0] - line_a.ends[1, 0]
-    ay = line_a.ends[0, 1] - line_a.ends[1, 1]
-    bx = line_b.ends[1, 0] - line_b.ends[0, 0]
-    by = line_b.ends[1, 1] - line_b.ends[0, 1]
-    length_a = math.sqrt(ax * ax + ay * ay)
-    length_b = math.sqrt(bx * bx + by * by)
-    cross = ax * by - ay * bx
-    corner.opening_angle = abs(math.atan2(cross, ax * bx + ay * by))
-    corner.orientation = math.atan2(ay * length_b + by * length_a, ax * length_b + bx * length_a)
-    corner.convex = cross > 0.0
-    return rules.corner_angle_min <= corner.opening_angle <= rules.corner_angle_max

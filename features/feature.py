@@ -1,4 +1,4 @@
-"""Lines and corners of one scan, each kind as one value of parallel arrays."""
+"""Lines and corners of one scan, singly and as arrays of records."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -9,10 +9,11 @@ from numpy.typing import NDArray
 
 from features.se2 import Array
 from features.sensor import Mounting
+from features.signature import Kind, Signatures
 
 
 class LineForm(IntEnum):
-    """How a line is parametrised; what a fit gives depends on its method and, for a regression, on the axis."""
+    """Parametrisation of a line: a regression gives one of the first two, any other fit the third."""
 
     Y_ON_X = 0
     """``y = m (x - center) + b``, eq. 28; parameters m, b [m]."""
@@ -55,14 +56,19 @@ class Corner:
     cov : shape (2, 2) [m^2].
     opening_angle : angle between the two walls, 0 to pi [rad].
     orientation : direction of the bisector from the corner into the angle between the walls [rad].
-    convex : True where the corner points at the sensor (a pillar), False where it points away (a room).
+    kind : whether the corner is concave (of a room) or convex (of a pillar).
     """
 
     position: Array
     cov: Array
     opening_angle: float
     orientation: float
-    convex: bool
+    kind: Kind
+
+    @property
+    def convex(self) -> bool:
+        """Whether the corner points at the sensor, as those of a pillar do."""
+        return self.kind == Kind.CONVEX
 
 
 LINE_RECORD = np.dtype(
@@ -76,7 +82,7 @@ LINE_RECORD = np.dtype(
         ("count", np.int64),
     ]
 )
-"""A line as the compiled kernels fill it: the fields of :class:`Lines`."""
+"""Record of a line that the compiled kernels fill; :class:`Lines` gives its fields."""
 
 CORNER_RECORD = np.dtype(
     [
@@ -84,16 +90,16 @@ CORNER_RECORD = np.dtype(
         ("cov", np.float64, (2, 2)),
         ("opening_angle", np.float64),
         ("orientation", np.float64),
-        ("convex", np.bool_),
+        ("kind", np.int64),
     ],
     align=True,
 )
-"""A corner as the compiled kernels fill it: the fields of :class:`Corner`."""
+"""Record of a corner that the compiled kernels fill; :class:`Corners` gives its fields."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Lines:
-    """The L lines of a scan; indexing and iterating give :class:`Line`, its properties are views of the records.
+    """The L lines of a scan: indexing and iterating give a :class:`Line`, properties are views of the records.
 
     Parameters
     ----------
@@ -161,7 +167,7 @@ class Lines:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Corners:
-    """The K corners of a scan; indexing and iterating give :class:`Corner`, its properties are views of the records.
+    """The K corners of a scan: indexing and iterating give a :class:`Corner`, properties are views of the records.
 
     Parameters
     ----------
@@ -171,21 +177,14 @@ class Corners:
     records: NDArray[np.void]
 
     @classmethod
-    def of(
-        cls,
-        positions: Array,
-        covs: Array,
-        opening_angles: Array,
-        orientations: Array,
-        convex: NDArray[np.bool_],
-    ) -> "Corners":
-        """Corners from an array for each property, of its shape."""
+    def of(cls, positions: Array, covs: Array, signatures: Signatures) -> "Corners":
+        """Make corners of their positions, covariances and signatures."""
         records = np.empty(len(positions), CORNER_RECORD)
         records["position"] = positions
         records["cov"] = covs
-        records["opening_angle"] = opening_angles
-        records["orientation"] = orientations
-        records["convex"] = convex
+        records["opening_angle"] = signatures.opening_angles
+        records["orientation"] = signatures.orientations
+        records["kind"] = signatures.kinds
         return cls(records)
 
     @property
@@ -209,9 +208,19 @@ class Corners:
         return self.records["orientation"]
 
     @property
+    def kinds(self) -> NDArray[np.int64]:
+        """A :class:`features.signature.Kind` each, shape (K,)."""
+        return self.records["kind"]
+
+    @property
     def convex(self) -> NDArray[np.bool_]:
         """Whether each points at the sensor, shape (K,)."""
-        return self.records["convex"]
+        return self.kinds == Kind.CONVEX
+
+    @property
+    def signatures(self) -> Signatures:
+        """Kinds and angles of all, in the frame of the positions."""
+        return Signatures(self.kinds, self.opening_angles, self.orientations)
 
     def __len__(self) -> int:
         return self.records.size
@@ -223,14 +232,14 @@ class Corners:
             cov=record["cov"],
             opening_angle=float(record["opening_angle"]),
             orientation=float(record["orientation"]),
-            convex=bool(record["convex"]),
+            kind=Kind(record["kind"]),
         )
 
     def __iter__(self) -> Iterator[Corner]:
         return (self[index] for index in range(len(self)))
 
     def to_robot(self, mounting: Mounting) -> "Corners":
-        """Turn corners of the sensor frame into corners of the robot frame."""
+        """Corners, given in the sensor frame, in the robot frame."""
         if not len(self):
             return self
         axes = mounting.axes
@@ -244,7 +253,7 @@ class Corners:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Features:
-    """What one scan shows: its lines, and the corners where neighbouring lines meet, sensor frame."""
+    """Lines of one scan, and the corners where neighbouring lines meet, sensor frame."""
 
     lines: Lines
     corners: Corners

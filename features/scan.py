@@ -15,11 +15,11 @@ class LaserScan:
 
     Parameters
     ----------
-    ranges : shape (n,) [m]. Infinity, or any value outside the sensor's range limits (0 among them), is no return.
+    ranges : shape (n,) [m]. Infinity, or a value outside the sensor's range limits such as 0, is no return.
     angles : shape (n,) [rad], counter-clockwise from the sensor's x axis, stored per beam.
     stamp : time of the scan [s].
-    times : when each beam was taken, from the stamp on, shape (n,) [s]; negative before it. None where all were taken
-        at once, or it is not known.
+    times : time of each beam after the stamp, shape (n,) [s]; negative before it. None where all beams were taken at
+        once or their times are not known.
 
     Raises
     ------

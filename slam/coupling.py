@@ -1,20 +1,20 @@
-"""What filter and graph tell each other: landmarks that are one, places seen again, where the robot is."""
+"""The exchange between filter and graph: merged landmarks, loop closures, and the pose of the robot after them."""
 
 import numpy as np
 
 from features.se2 import rotation
 from slam.filter.front_end import FrontEnd
-from slam.graph.incremental import LandmarkGraph
+from slam.graph.back_end import BackEnd
 from slam.loop.closer import LoopCloser
 
 
-def merge(front: FrontEnd, graph: LandmarkGraph) -> None:
+def merge(front: FrontEnd, graph: BackEnd) -> None:
     """Merge landmarks that the filter takes for one in both."""
     for kept, other in front.merge():
         graph.merge(kept, other)
 
 
-def rebase(front: FrontEnd, graph: LandmarkGraph) -> bool:
+def rebase(front: FrontEnd, graph: BackEnd) -> bool:
     """Put the filter where the graph has the newest key frame; False where it cannot tell how certainly."""
     cov = graph.newest_cov()
     if cov is None:
@@ -23,7 +23,7 @@ def rebase(front: FrontEnd, graph: LandmarkGraph) -> bool:
     return True
 
 
-def close_loop(closer: LoopCloser, front: FrontEnd, graph: LandmarkGraph) -> None:
+def close_loop(closer: LoopCloser, front: FrontEnd, graph: BackEnd) -> None:
     """Look for a place seen before; where it is found the graph moves, and the filter with it."""
     closures = closer.find(graph.poses_world_robot)
     if not closures:

@@ -30,7 +30,7 @@ class KeyFrame:
         scan = view.scan
         if scan is None or view.features is None:
             return cls(record, np.empty((0, 2, 2)), np.empty((0, 2)))
-        seen = (scan.ranges > 0.0) & (scan.ranges >= sensor.range_min) & (scan.ranges <= sensor.range_max)
+        seen = sensor.returned(scan.ranges)
         ranges, angles = scan.ranges[seen], scan.angles[seen]
         points_sensor = np.stack([ranges * np.cos(angles), ranges * np.sin(angles)], axis=-1)
         mounting = sensor.mounting

@@ -6,16 +6,14 @@ from numpy.typing import NDArray
 from drivers.frame import LandmarkObservations
 from features.feature import Corners
 from features.sensor import SensorModel
+from features.signature import Signatures
 
 
 def observed_points(
     observations: LandmarkObservations, sensor: SensorModel
 ) -> tuple[Corners, NDArray[np.int64] | None]:
-    """Points, robot frame, of the observations within the sensor's limits, and their identities where they are known.
-
-    A point is a corner without opening and orientation, which are NaN: any signature goes with it.
-    """
-    seen = (observations.ranges >= sensor.range_min) & (observations.ranges <= sensor.range_max)
+    """Points, robot frame, of the observations within the limits of the sensor, and their identities where known."""
+    seen = sensor.returned(observations.ranges)
     ranges, bearings = observations.ranges[seen], observations.bearings[seen]
     if observations.covs is None:
         covs = np.broadcast_to(np.diag([sensor.sigma_range**2, sensor.sigma_bearing**2]), (ranges.size, 2, 2))
@@ -23,13 +21,10 @@ def observed_points(
         covs = observations.covs[seen]
     c, s = np.cos(bearings), np.sin(bearings)
     by_polar = np.array([[c, -ranges * s], [s, ranges * c]]).transpose(2, 0, 1)
-    unknown = np.full(ranges.size, np.nan)
     points = Corners.of(
         positions=ranges[:, None] * np.stack([c, s], axis=-1),
         covs=by_polar @ covs @ by_polar.transpose(0, 2, 1),
-        opening_angles=unknown,
-        orientations=unknown,
-        convex=np.zeros(ranges.size, np.bool_),
+        signatures=Signatures.of_points(ranges.size),
     )
     identities = observations.identities
     return points.to_robot(sensor.mounting), None if identities is None else identities[seen]

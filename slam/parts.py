@@ -1,13 +1,70 @@
-"""Parts of the pipeline, made of the numbers of the configuration."""
+"""Parts of the pipeline, made of the configuration; each takes the numbers that it needs, and no more."""
 
 import math
+from dataclasses import dataclass
 
+import numpy as np
+
+from features.config import ExtractionConfig
+from features.extract import extract
+from features.feature import Features
+from features.scan import LaserScan
 from features.se2 import Pose
+from features.sensor import SensorModel
 from slam.config import SlamConfig
-from slam.filter.association import Gates
+from slam.filter.association import Associator, Gates
+from slam.filter.front_end import FrontEnd
 from slam.loop.rules import LoopRules
+from slam.odometry.cloned_pose import Anchor
 from slam.odometry.line_odometry import LineOdometry
 from slam.odometry.motion_models import ConstantVelocity, OdometryModel, WheelMotion
+
+FIRST_POSE_COV = np.diag([1e-8, 1e-8, 1e-10])
+"""The first pose defines the world frame."""
+
+
+@dataclass(frozen=True, slots=True)
+class CwlfExtractor:
+    """The extractor that comes with the project, with its rules.
+
+    Parameters
+    ----------
+    rules : for segments, lines and corners.
+    """
+
+    rules: ExtractionConfig
+
+    def __call__(self, scan: LaserScan, sensor: SensorModel) -> Features:
+        """See :func:`features.extract.extract`."""
+        return extract(scan, sensor, self.rules)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Estimators:
+    """What estimates the motion and the landmarks from the first pose on.
+
+    Parameters
+    ----------
+    odometry : pose by wheels and scans, without landmarks.
+    front_end : the filter.
+    since_update : motion since the filter was moved last.
+    since_key_frame : motion since the newest key frame.
+    since_scan : motion since the last scan.
+    """
+
+    odometry: LineOdometry
+    front_end: FrontEnd
+    since_update: Anchor
+    since_key_frame: Anchor
+    since_scan: Anchor
+
+    @classmethod
+    def start(cls, config: SlamConfig, pose_world_robot: Pose, associator: Associator | None) -> "Estimators":
+        """Estimators as they are configured, at the first pose, shape (3,)."""
+        odometry = line_odometry(config, pose_world_robot)
+        keep_distance = config.front_end.keep_distance_m
+        front_end = FrontEnd(pose_world_robot, FIRST_POSE_COV, gates(config), keep_distance, associator)
+        return cls(odometry, front_end, odometry.anchor(), odometry.anchor(), odometry.anchor())
 
 
 def line_odometry(config: SlamConfig, pose_map_robot: Pose) -> LineOdometry:

@@ -1,21 +1,22 @@
 """The whole of SLAM, frame by frame: predict, extract, register, associate, update, birth, key frame, loop."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from drivers.frame import Frame
+from features.scan import LaserScan
 from features.se2 import Array, Pose, compose
-from slam.compiled import announced, load_compiled
 from slam.config import SlamConfig
 from slam.coupling import close_loop, merge, rebase
-from slam.filter.association import Association, ObservationCounts
+from slam.errors import ConfigError
+from slam.filter.association import Association, Associator, ObservationCounts
 from slam.filter.ekf import LandmarkEkf
-from slam.filter.front_end import FrontEnd
 from slam.filter.landmark_table import LandmarkTable
+from slam.graph.back_end import BackEnd
 from slam.graph.journal import JournaledGraph
 from slam.graph.multi_hypothesis import Sighting
 from slam.graph.reassociation import reassociate
@@ -24,8 +25,8 @@ from slam.graph.values import Closure
 from slam.key_frame import KeyFrame
 from slam.loop.closer import LoopCloser
 from slam.map.landmark_map import landmark_map
-from slam.odometry.cloned_pose import Anchor
-from slam.parts import gates, line_odometry, loop_rules
+from slam.odometry.deskew import deskew_by_odometry
+from slam.parts import FIRST_POSE_COV, CwlfExtractor, Estimators, loop_rules
 from slam.result.assemble import conclude
 from slam.result.records import Records
 from slam.result.result import SlamResult
@@ -33,10 +34,7 @@ from slam.result.run_metrics import RunMetrics
 from slam.result.stage_clock import StageClock, peak_memory_mb
 from slam.step import Step
 from slam.trust.monitor import Trust, Watch
-from slam.view import View, look
-
-FIRST_POSE_COV = np.diag([1e-8, 1e-8, 1e-10])
-"""The first pose defines the world frame."""
+from slam.view import Extractor, View, view_of_observations, view_of_scan
 
 
 class Slam:
@@ -45,35 +43,52 @@ class Slam:
     Feed frames in the order of their stamps to :meth:`process`; :meth:`finish` solves the graph and returns the result.
     The world frame is the odometry frame of the first record. Pickled and read back it goes on as if nothing had been.
 
+    Parameters
+    ----------
+    config : of all that comes with the project.
+    extractor : another extractor of features than :func:`features.extract.extract`.
+    associator : another association of corners and landmarks than :func:`slam.filter.association.associate`.
+    back_end : makes another back-end, without key frames, than :class:`slam.graph.incremental.LandmarkGraph`.
+
     Attributes
     ----------
     config : as it was given.
     """
 
-    def __init__(self, config: SlamConfig) -> None:
+    def __init__(
+        self,
+        config: SlamConfig,
+        *,
+        extractor: Extractor | None = None,
+        associator: Associator | None = None,
+        back_end: Callable[[], BackEnd] | None = None,
+    ) -> None:
         self.config = config
         self._solution: Solution | None = None
         self._sensor = config.sensor.model()
-        self._graph = JournaledGraph(config.back_end.cauchy_scale)
+        self._extractor: Extractor = extractor or CwlfExtractor(config.extraction)
+        self._associator = associator
+        self._back_end = back_end
+        self._graph = self._new_graph()
         self._closer = LoopCloser(loop_rules(config))
-        self._front_end: FrontEnd | None = None
+        self._started: Estimators | None = None
         self._records = Records()
         self._key_frames: list[KeyFrame] = []
         self._unidentified: list[Sighting] = []
         self._observations = ObservationCounts()
         self._watch = Watch(config.front_end.match_probability, wheels=config.odometry.source == "line-aided")
-        load_compiled(config)
         self._clock = StageClock("extract", "odometry", "front_end", "back_end", "loop")
 
     @property
     def pose(self) -> Pose:
         """Pose of the robot as the filter has it, world frame, shape (3,)."""
-        return compose(self._front.ekf.pose, self._since_update.motion)
+        estimators = self._estimators
+        return compose(estimators.front_end.ekf.pose, estimators.since_update.motion)
 
     @property
     def landmarks(self) -> Array:
         """Landmarks of the filter, world frame, shape (n, 2) [m]."""
-        return self._front.ekf.landmarks.copy()
+        return self._estimators.front_end.ekf.landmarks.copy()
 
     @property
     def trust(self) -> Trust:
@@ -93,7 +108,7 @@ class Slam:
     @property
     def filter(self) -> LandmarkEkf:
         """The filter as it is now, to look at: of the pose at the last update and the landmarks near it."""
-        return self._front.ekf
+        return self._estimators.front_end.ekf
 
     @property
     def key_frame_records(self) -> NDArray[np.int64]:
@@ -108,7 +123,7 @@ class Slam:
     @property
     def landmark_table(self) -> LandmarkTable:
         """What is known of every landmark so far, to look at."""
-        return self._front.table
+        return self._estimators.front_end.table
 
     @property
     def solution(self) -> Solution:
@@ -128,7 +143,7 @@ class Slam:
             The stamp is smaller than the one before, or stamp or pose is not finite; nothing has changed.
         """
         self._predict(frame.stamp, self._records.checked(frame))
-        view = self._look(frame)
+        view = self._extract(frame)
         if view is None:
             return Step(frame.stamp, self.pose)
         self._register(frame.stamp, view)
@@ -138,102 +153,120 @@ class Slam:
             association, landmarks = self._update(view)
             if key_frame_due:
                 self._add_key_frame(view, landmarks)
-                self._revisit(view)
+                self._close_loop(view)
         pose = self.pose
         self._records.add_scan(pose)
         return Step(frame.stamp, pose, view.features, association)
 
     def _predict(self, stamp: float, pose_odom_robot: Pose) -> None:
-        """Move odometry on to a record."""
-        if self._front_end is None:
-            self._begin(pose_odom_robot)
-        self._odometry.predict(stamp, pose_odom_robot)
-        self._records.add(stamp, pose_odom_robot, self._odometry.pose)
+        """Move odometry on to a record; the first one starts the estimators."""
+        if self._started is None:
+            self._started = Estimators.start(self.config, pose_odom_robot, self._associator)
+        odometry = self._started.odometry
+        odometry.predict(stamp, pose_odom_robot)
+        self._records.add(stamp, pose_odom_robot, odometry.pose)
 
-    def _begin(self, pose_odom_robot: Pose) -> None:
-        """Make what begins at the first pose."""
-        keep_distance = self.config.front_end.keep_distance_m
-        self._front_end = FrontEnd(pose_odom_robot, FIRST_POSE_COV, gates(self.config), keep_distance)
-        self._odometry = line_odometry(self.config, pose_odom_robot)
-        self._since_update: Anchor = self._odometry.anchor()
-        self._since_key_frame: Anchor = self._odometry.anchor()
-        self._since_scan: Anchor = self._odometry.anchor()
-
-    def _look(self, frame: Frame) -> View | None:
-        if frame.scan is None and frame.observations is None:
+    def _extract(self, frame: Frame) -> View | None:
+        """Return what a frame shows; None for a record of odometry only."""
+        config = self.config
+        if frame.observations is not None:
+            if config.odometry.source == "lines":
+                raise ConfigError(
+                    "odometry.source is 'lines', but the source has no scans: expected 'line-aided' or 'wheel'"
+                )
+            with self._clock.timed("extract"):
+                use_identities = config.front_end.use_identities
+                return view_of_observations(frame.observations, self._sensor, use_identities=use_identities)
+        if frame.scan is None:
             return None
         with self._clock.timed("extract"):
-            return look(frame, self.config, self._sensor, self._records)
+            return view_of_scan(self._without_motion(frame.scan), self._sensor, self._extractor)
+
+    def _without_motion(self, scan: LaserScan) -> LaserScan:
+        """Undo the motion of the robot during a scan, where it is told to and the times of the beams are known."""
+        if not self.config.front_end.deskew:
+            return scan
+        records = self._records
+        # Without wheels the poses found so far tell how the robot moves.
+        poses = records.poses_map if self.config.odometry.source == "lines" else records.poses_odom
+        return deskew_by_odometry(scan, self._sensor, records.stamps, poses)
 
     def _register(self, stamp: float, view: View) -> None:
         """Correct odometry by the walls."""
         if view.scan is None or view.features is None:
             return
-        odometry, records, lines = self._odometry, self._records, view.features.lines
+        estimators, records, lines = self._estimators, self._records, view.features.lines
+        odometry = estimators.odometry
         with self._clock.timed("odometry"):
             if self.config.odometry.source == "wheel":
                 odometry.look(view.scan, lines)
             else:
                 rejected = odometry.counts.predictions_rejected
                 points = odometry.register(stamp, view.scan, lines)
-                records.poses_map[-1] = odometry.pose
+                records.correct(odometry.pose)
                 rejected = odometry.counts.predictions_rejected > rejected
                 self._watch.registered(
                     stamp, points.points, odometry.pose, records.poses_odom[-1], odometry.share, rejected=rejected
                 )
-            self._watch.drove(stamp, self._since_scan.motion, seen=len(lines) > 0)
-            self._since_scan.reset()
+            self._watch.drove(stamp, estimators.since_scan.motion, seen=len(lines) > 0)
+            estimators.since_scan.reset()
 
     def _update_due(self) -> bool:
         front_end = self.config.front_end
-        return self._since_update.beyond(front_end.update_distance_m, math.radians(front_end.update_angle_deg))
+        since = self._estimators.since_update
+        return since.beyond(front_end.update_distance_m, math.radians(front_end.update_angle_deg))
 
     def _key_frame_due(self, view: View) -> bool:
+        since = self._estimators.since_key_frame
         if view.scan is None and self._key_frames:
             # An observation is small: the graph takes each that the filter takes, once the robot has moved at all.
-            return self._update_due() and self._since_key_frame.travel + self._since_key_frame.turn > 0.0
+            return self._update_due() and since.travel + since.turn > 0.0
         back_end = self.config.back_end
-        return not self._key_frames or self._since_key_frame.beyond(
+        return not self._key_frames or since.beyond(
             back_end.key_frame_distance_m, math.radians(back_end.key_frame_angle_deg)
         )
 
     def _update(self, view: View) -> tuple[Association, NDArray[np.int64]]:
         """Move the filter to here, associate, update, give birth; also the landmark of each corner, -1 for none."""
+        front_end, since = self._estimators.front_end, self._estimators.since_update
         with self._clock.timed("front_end"):
-            self._front.move(self._since_update.motion, self._since_update.motion_cov)
-            self._since_update.reset()
-            association, landmarks = self._front.observe(view.corners_robot, view.identities)
+            front_end.move(since.motion, since.motion_cov)
+            since.reset()
+            association, landmarks = front_end.observe(view.corners_robot, view.identities)
             self._observations.add(len(view.corners_robot), association)
             self._watch.updated(self._records.stamps[-1], association)
             if view.scan is not None:
-                self._front.miss(view.scan, self._sensor, landmarks)
+                front_end.miss(view.scan, self._sensor, landmarks)
             return association, landmarks
 
     def _add_key_frame(self, view: View, landmarks: NDArray[np.int64]) -> None:
         """Hand the frame to the graph, and to all that goes by key frames."""
+        estimators = self._estimators
+        front_end, odometry, since = estimators.front_end, estimators.odometry, estimators.since_key_frame
         with self._clock.timed("back_end"):
-            motion, motion_cov = self._since_key_frame.motion, self._since_key_frame.motion_cov
+            motion, motion_cov = since.motion, since.motion_cov
             observations = view.observations(landmarks, 1e-3 * self.config.back_end.corner_scatter_mm)
-            self._graph.add_key_frame(self._front.ekf.pose, motion, motion_cov, observations)
+            self._graph.add_key_frame(front_end.ekf.pose, motion, motion_cov, observations)
             if view.scan is None and view.identities is None:
                 self._unidentified.append(Sighting(motion, motion_cov, view.corners_robot))
-            merge(self._front, self._graph)
+            merge(front_end, self._graph)
             self._graph.update()
-            self._front.rest(len(self._key_frames), landmarks)
-            if self._odometry.scan is not None:
-                self._closer.add_key_frame(self._odometry.scan, view.corners_robot, motion, motion_cov)
-            self._since_key_frame.reset()
-            self._odometry.add_key_frame()
+            front_end.rest(len(self._key_frames), landmarks)
+            if odometry.scan is not None:
+                self._closer.add_key_frame(odometry.scan, view.corners_robot, motion, motion_cov)
+            since.reset()
+            odometry.add_key_frame()
             self._key_frames.append(KeyFrame.of(len(self._records) - 1, view, self._sensor))
 
-    def _revisit(self, view: View) -> None:
+    def _close_loop(self, view: View) -> None:
         """Where the newest key frame shows what was seen long ago, take the filter to where the graph has it."""
+        front_end = self._estimators.front_end
         if view.scan is None:
-            if self._front.returned:
-                rebase(self._front, self._graph)
+            if front_end.returned:
+                rebase(front_end, self._graph)
         elif self.config.loop.enabled:
             with self._clock.timed("loop"):
-                close_loop(self._closer, self._front, self._graph)
+                close_loop(self._closer, front_end, self._graph)
 
     def finish(self, *, interrupted: bool = False) -> SlamResult:
         """Solve the graph and put the result together; ``interrupted`` is noted in the metrics.
@@ -258,17 +291,19 @@ class Slam:
 
         One that looks like any other is told apart by what is seen later, which the filter could not wait for.
         """
-        graph, table, back_end = self._graph, self._front.table, self.config.back_end
+        graph, table, max_iterations = self._graph, self.landmark_table, self.config.back_end.max_iterations
         if len(self._unidentified) == len(self._key_frames):
             first_pose = graph.poses_world_robot[0]
-            with announced():
-                graph, table = reassociate(
-                    first_pose, FIRST_POSE_COV, self._unidentified, back_end.cauchy_scale, back_end.max_iterations
-                )
-        return solve(graph, table, back_end.max_iterations)
+            graph, table = reassociate(
+                self._new_graph(), first_pose, FIRST_POSE_COV, self._unidentified, max_iterations
+            )
+        return solve(graph, table, max_iterations)
+
+    def _new_graph(self) -> BackEnd:
+        return self._back_end() if self._back_end is not None else JournaledGraph(self.config.back_end.cauchy_scale)
 
     def _metrics(self, solution: Solution, landmarks: int, interrupted: bool) -> RunMetrics:
-        stamps = self._records.stamps
+        stamps, odometry = self._records.stamps, self._estimators.odometry
         duration_s, wall_s = float(stamps[-1] - stamps[0]), self._clock.elapsed
         return RunMetrics(
             scans=self.scans,
@@ -279,8 +314,8 @@ class Slam:
             peak_memory_mb=peak_memory_mb(),
             landmarks=landmarks,
             key_frames=len(self._key_frames),
-            registrations=replace(self._odometry.counts),
-            wheels=self._odometry.calibration if self.config.odometry.source == "line-aided" else None,
+            registrations=replace(odometry.counts),
+            wheels=odometry.calibration if self.config.odometry.source == "line-aided" else None,
             observations=replace(self._observations),
             landmark_life=solution.table.counts(self.config.map.min_observations),
             closures=replace(self._closer.counts, revoked=len(solution.estimate.revoked)),
@@ -292,7 +327,7 @@ class Slam:
         )
 
     @property
-    def _front(self) -> FrontEnd:
-        if self._front_end is None:
+    def _estimators(self) -> Estimators:
+        if self._started is None:
             raise ValueError("no frame was processed yet")
-        return self._front_end
+        return self._started

@@ -1,26 +1,22 @@
-"""What a frame shows of the surroundings."""
+"""The view of a frame: corners and lines of its scan, or landmarks that the sensor found itself."""
 
 from dataclasses import dataclass
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
-from drivers.frame import Frame
-from features.extract import extract
+from drivers.frame import LandmarkObservations
 from features.feature import Corners, Features
 from features.scan import LaserScan
 from features.sensor import SensorModel
-from slam.config import SlamConfig
-from slam.errors import ConfigError
 from slam.graph.values import Observations
 from slam.observed import observed_points
-from slam.odometry.deskew import deskew_by_odometry
-from slam.result.records import Records
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class View:
-    """What a frame shows.
+    """What a frame shows of the surroundings.
 
     Parameters
     ----------
@@ -49,35 +45,21 @@ class View:
         return Observations(landmarks[observed], corners.positions[observed], covs)
 
 
-def look(frame: Frame, config: SlamConfig, sensor: SensorModel, records: Records) -> View | None:
-    """Return what a frame shows; None for a record of odometry only.
+class Extractor(Protocol):
+    """Finds the features of a scan; :func:`features.extract.extract` with its rules is the one that comes along."""
 
-    Parameters
-    ----------
-    frame : the newest of ``records``.
-    config : of the run.
-    sensor : its sensor.
-    records : so far; they tell how the robot moved during the scan.
-
-    Raises
-    ------
-    ConfigError
-        Landmarks that a sensor found itself cannot be used without wheels.
-    """
-    if frame.scan is not None:
-        return _scanned(frame.scan, config, sensor, records)
-    if frame.observations is None:
-        return None
-    if config.odometry.source == "lines":
-        raise ConfigError("odometry.source is 'lines', but the source has no scans: expected 'line-aided' or 'wheel'")
-    points_robot, identities = observed_points(frame.observations, sensor)
-    return View(points_robot, identities=identities if config.front_end.use_identities else None)
+    def __call__(self, scan: LaserScan, sensor: SensorModel) -> Features:
+        """Lines and corners of a scan, sensor frame, with covariances that follow from the noise of the sensor."""
+        ...
 
 
-def _scanned(scan: LaserScan, config: SlamConfig, sensor: SensorModel, records: Records) -> View:
-    if config.front_end.deskew:
-        # Without wheels the poses found so far tell how the robot moves.
-        poses = records.poses_map if config.odometry.source == "lines" else records.poses_odom
-        scan = deskew_by_odometry(scan, sensor, records.stamps, poses)
-    features = extract(scan, sensor, config.extraction)
+def view_of_scan(scan: LaserScan, sensor: SensorModel, extractor: Extractor) -> View:
+    """View that a scan without motion in it, sensor frame, gives."""
+    features = extractor(scan, sensor)
     return View(features.corners.to_robot(sensor.mounting), scan, features)
+
+
+def view_of_observations(observations: LandmarkObservations, sensor: SensorModel, *, use_identities: bool) -> View:
+    """View that landmarks found by the sensor itself give, with their identities where these may be used."""
+    points_robot, identities = observed_points(observations, sensor)
+    return View(points_robot, identities=identities if use_identities else None)

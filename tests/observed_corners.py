@@ -5,6 +5,7 @@ import math
 import numpy as np
 
 from features.feature import Corners
+from features.signature import Kind, Signatures
 
 SIGMA = 0.05
 """Standard deviation of a coordinate [m]."""
@@ -16,7 +17,9 @@ def corners(positions, openings=math.pi / 2, orientations=0.3, convex=False, sig
     return Corners.of(
         positions,
         np.repeat(np.diag(np.broadcast_to(sigma, 2) ** 2)[None], k, axis=0),
-        np.full(k, openings, dtype=np.float64),
-        np.full(k, orientations, dtype=np.float64),
-        np.full(k, convex),
+        Signatures(
+            np.where(np.full(k, convex), Kind.CONVEX, Kind.CONCAVE),
+            np.full(k, openings, dtype=np.float64),
+            np.full(k, orientations, dtype=np.float64),
+        ),
     )

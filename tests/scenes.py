@@ -70,5 +70,5 @@ def sorted_corners(corners) -> tuple[Array, Array, Array, Array, Array]:
         corners.covs[order],
         corners.opening_angles[order],
         corners.orientations[order],
-        corners.convex[order],
+        corners.kinds[order],
     )

@@ -1,6 +1,7 @@
-"""Every equation that the code cites exists: ours in docs/math.md, the paper's among its 48."""
+"""Every equation that the code cites exists, ours in docs/math.md, the paper's among its 48, and its table is right."""
 
 import re
+from typing import NamedTuple
 
 import pytest
 from places import ROOT
@@ -9,6 +10,11 @@ MODULES = sorted(path for folder in ("features", "drivers", "sim", "slam") for p
 CITATION = re.compile(r"\beqs?\.\s+((?:M?\d+[a-c]?(?:\s*(?:-|,|and|or|to)\s*)?)+)", re.IGNORECASE)
 NUMBER = re.compile(r"(M?)(\d+)[a-c]?(?:\s*(?:-|to)\s*M?(\d+))?")
 TAG = re.compile(r"\\tag\{M(\d+)\}")
+PAGE = (ROOT / "docs" / "math.md").read_text(encoding="utf-8")
+ROW = re.compile(
+    r"^\| \[(?P<title>[^]]+)]\(#(?P<anchor>[^)]+)\) \| (?P<equations>[^|]*) \| (?P<files>[^|]*) \|", re.MULTILINE
+)
+ROWS = list(ROW.finditer(PAGE))
 
 
 def cited(text: str) -> tuple[set[int], set[int]]:
@@ -38,7 +44,7 @@ def test_citations_are_read(text, ours, papers):
 
 def numbered() -> list[int]:
     """Numbers of the page's equations, in the order of the page."""
-    return [int(number) for number in TAG.findall((ROOT / "docs" / "math.md").read_text(encoding="utf-8"))]
+    return [int(number) for number in TAG.findall(PAGE)]
 
 
 def test_the_page_numbers_its_equations_once_and_in_order():
@@ -59,6 +65,49 @@ def test_every_equation_that_a_module_cites_exists(path):
 
 
 def test_every_equation_that_the_page_cites_exists():
-    ours, papers = cited((ROOT / "docs" / "math.md").read_text(encoding="utf-8"))
+    ours, papers = cited(PAGE)
     assert ours <= set(numbered())
     assert papers <= set(range(1, 49))
+
+
+class Section(NamedTuple):
+    """A section of the page, or what the table at its head says of one."""
+
+    title: str
+    anchor: str
+    equations: list[int]
+
+
+def sections() -> list[Section]:
+    """Sections of the page, with the anchors that their titles make and the numbers of their equations."""
+    found = []
+    for part in re.split(r"^## ", PAGE, flags=re.MULTILINE)[1:]:
+        title = part.partition("\n")[0]
+        found.append(Section(title, title.lower().replace(" ", "-"), [int(number) for number in TAG.findall(part)]))
+    return found
+
+
+def equations_of(row: re.Match[str]) -> set[int]:
+    """Numbers of the equations of a row of the table."""
+    return cited(f"eq. {row['equations']}")[0]
+
+
+def test_the_table_lists_every_section_with_its_equations_in_the_order_of_the_page():
+    head = PAGE.partition("\n## ")[0]
+    rows = [Section(row["title"], row["anchor"], sorted(equations_of(row))) for row in ROWS]
+    assert rows == sections()
+    # One table: a blank line would end it, and what follows would not be shown as rows.
+    assert len(re.findall(r"(?:^\|.*\n)+", head, re.MULTILINE)) == 1
+
+
+@pytest.mark.parametrize("row", ROWS, ids=lambda row: row["anchor"])
+def test_the_files_of_a_row_cite_its_equations(row):
+    """Each file at least one of them, and all files together every one."""
+    equations = equations_of(row)
+    citations = {
+        file: cited((ROOT / file).read_text(encoding="utf-8"))[0] & equations
+        for file in re.findall(r"`([^`]+)`", row["files"])
+    }
+    assert citations
+    assert [file for file, found in citations.items() if not found] == []
+    assert set().union(*citations.values()) == equations

@@ -1,17 +1,19 @@
+# pyright: standard
 """Intersection of two fitted lines and its covariance (section IV.B.2 of the paper)."""
 
 import math
 
 import numpy as np
-from numba import njit
+from numba import f8
 from numpy.typing import NDArray
 
+from features.compiled import inner, kernel
 from features.feature import LINE_RECORD, Line, LineForm
-from features.fitting.fit_kernels import POLAR, X_ON_Y
+from features.fitting.fit_kernels import LINE, POLAR, X_ON_Y
 from features.se2 import Array
 
 
-@njit(cache=True, error_model="numpy")
+@inner()
 def intersect_kernel(line_a, line_b, position, cov):
     """Fill the intersection of two line records, shape (2,), and its covariance, shape (2, 2); False if parallel.
 
@@ -66,7 +68,7 @@ def intersect_kernel(line_a, line_b, position, cov):
     return True
 
 
-@njit(cache=True, inline="always")
+@inner(inline="always")
 def _propagate(line_a, line_b, arm_a, shift_a, arm_b, shift_b, cov):
     """Fill the covariance of an intersection.
 
@@ -77,6 +79,11 @@ def _propagate(line_a, line_b, arm_a, shift_a, arm_b, shift_b, cov):
     for i in range(2):
         for j in range(2):
             cov[i, j] = shift_a[i] * shift_a[j] * var_a + shift_b[i] * shift_b[j] * var_b
+
+
+@kernel(LINE, LINE, f8[::1], f8[:, ::1])
+def _intersect_lines(line_a, line_b, position, cov):
+    return intersect_kernel(line_a, line_b, position, cov)
 
 
 def intersect(line_a: Line, line_b: Line) -> tuple[Array, Array]:
@@ -91,7 +98,7 @@ def intersect(line_a: Line, line_b: Line) -> tuple[Array, Array]:
         raise ValueError("a polar line and a regression line: fit both by the same method")
     position, cov = np.empty(2), np.empty((2, 2))
     records = _records(line_a, line_b)
-    if not intersect_kernel(records[0], records[1], position, cov):
+    if not _intersect_lines(records[0], records[1], position, cov):
         raise ValueError("parallel lines have no intersection")
     return position, cov
 

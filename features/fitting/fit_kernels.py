@@ -1,11 +1,16 @@
+# pyright: standard
 """Compiled line fits: each fills the record of a line from the points of one segment."""
 
 import math
 
-from numba import njit
+from numba import f8, from_dtype, i8
 
+from features.compiled import inner, kernel
 from features.config import METHODS
-from features.feature import LineForm
+from features.feature import LINE_RECORD, LineForm
+
+LINE = from_dtype(LINE_RECORD)
+"""Type of a line inside the compiled kernels."""
 
 Y_ON_X, X_ON_Y, POLAR = (int(form) for form in LineForm)
 
@@ -15,13 +20,13 @@ EFFECTIVE_VARIANCE = METHODS.index(("effective-variance", "propagated"))
 TOTAL_LEAST_SQUARES = METHODS.index(("total-least-squares", "propagated"))
 
 SUMS = {"reassoc", "contract", "arcp", "nsz"}
-"""Freedom for the compiler to run sums on vectors; NaN and infinity keep their meaning."""
+"""Optimisations that let the compiler vectorise sums; NaN and infinity are handled as ever."""
 
 MOST_ITERATIONS = 20
-"""Of the effective-variance fit; two or three are usual."""
+"""Limit of the iterations of the effective-variance fit; two or three are usual."""
 
 
-@njit(cache=True, error_model="numpy", fastmath=SUMS, forceinline=True)
+@inner(fastmath=SUMS, forceinline=True)
 def moments(xs, ys):
     """Return the mean x and y of points and the sums of x^2, y^2 and x y about them."""
     n = xs.size
@@ -44,26 +49,7 @@ def moments(xs, ys):
     return x0 + mean_x, y0 + mean_y, spread_x, spread_y, sum_xy - n * mean_x * mean_y
 
 
-@njit(cache=True, error_model="numpy", fastmath=SUMS, forceinline=True)
-def fit_kernel(xs, ys, var_range, var_bearing, method, line):
-    """Fit points and fill the record of their line; False where they do not define one."""
-    mean_x, mean_y, spread_x, spread_y, joint = moments(xs, ys)
-    # Coinciding points leave a spread that is rounding error only.
-    if not max(spread_x, spread_y) > xs.size * (1e-9 * (abs(mean_x) + abs(mean_y))) ** 2:
-        return False
-    if method in (ARRAS_SIEGWART, TOTAL_LEAST_SQUARES):
-        return _fit_polar(xs, ys, var_range, var_bearing, method == ARRAS_SIEGWART, line)
-    steep = spread_y > spread_x  # eq. 20-21
-    u, v = (ys, xs) if steep else (xs, ys)
-    line.form = X_ON_Y if steep else Y_ON_X
-    if method == EFFECTIVE_VARIANCE:
-        center, intercept = (mean_y, mean_x) if steep else (mean_x, mean_y)
-        slope = joint / (spread_y if steep else spread_x)
-        return _fit_effective(u, v, var_range, var_bearing, slope, intercept, center, line)
-    return _fit_cwlf(u, v, var_range, var_bearing, method == CWLF_PROPAGATED, line)
-
-
-@njit(cache=True, inline="always")
+@inner(inline="always")
 def _fill(line, first_param, second_param, center, var_first, var_second, cov):
     line.params[0] = first_param
     line.params[1] = second_param
@@ -74,14 +60,14 @@ def _fill(line, first_param, second_param, center, var_first, var_second, cov):
     line.cov[1, 0] = cov
 
 
-@njit(cache=True, inline="always")
+@inner(inline="always")
 def _weight(u, v, var_range, var_bearing):
     """Weight of a point, eq. 23 (u = x, v = y) or eq. 34 (u = y, v = x)."""
     rho2 = u * u + v * v
     return (u * u * var_range + v * v * rho2 * var_bearing) / (rho2 * rho2 * var_range * var_bearing)
 
 
-@njit(cache=True, error_model="numpy", fastmath=SUMS, forceinline=True)
+@inner(fastmath=SUMS, forceinline=True)
 def _fit_cwlf(u, v, var_range, var_bearing, propagated, line):
     sum_w = sum_wu = sum_wv = 0.0
     for i in range(u.size):
@@ -128,7 +114,7 @@ def _fit_cwlf(u, v, var_range, var_bearing, propagated, line):
     return True
 
 
-@njit(cache=True, error_model="numpy", fastmath=SUMS, forceinline=True)
+@inner(fastmath=SUMS, forceinline=True)
 def _fit_effective(u, v, var_range, var_bearing, slope, intercept, center, line):
     """Maximum likelihood under the noise of the points, by Gauss-Newton from the line that is given."""
     w_aa = w_a = w_1 = determinant = misfit = 0.0
@@ -164,7 +150,7 @@ def _fit_effective(u, v, var_range, var_bearing, slope, intercept, center, line)
         step_intercept = (w_aa * g_1 - w_a * g_a) / determinant
         slope += step_slope
         intercept += step_intercept
-        # Steps shrink by the same factor each: the next one is foretold, in its own standard deviations.
+        # Steps shrink by a constant factor: that and the last one predict the next one, in standard deviations.
         size2 = determinant * max(step_slope * step_slope / w_1, step_intercept * step_intercept / w_aa)
         if size2 * size2 < 1e-10 * previous2:
             break
@@ -174,7 +160,7 @@ def _fit_effective(u, v, var_range, var_bearing, slope, intercept, center, line)
     return True
 
 
-@njit(cache=True, error_model="numpy", fastmath=SUMS, forceinline=True)
+@inner(fastmath=SUMS, forceinline=True)
 def _fit_polar(xs, ys, var_range, var_bearing, weighted, line):
     sum_w = sum_wx = sum_wy = 0.0
     for i in range(xs.size):
@@ -232,7 +218,7 @@ def _fit_polar(xs, ys, var_range, var_bearing, weighted, line):
     return True
 
 
-@njit(cache=True, inline="always")
+@inner(inline="always")
 def misfit_scale(misfit, freedom):
     """Factor on the covariance of a line whose squared residuals over v_i sum to ``misfit`` (eq. M7).
 
@@ -244,7 +230,26 @@ def misfit_scale(misfit, freedom):
     return max(1.0, misfit / (freedom + 3.0 * math.sqrt(2.0 * freedom)))
 
 
-@njit(cache=True, error_model="numpy")
+@kernel(f8[::1], f8[::1], f8, f8, i8, LINE, fastmath=SUMS, forceinline=True)
+def fit_kernel(xs, ys, var_range, var_bearing, method, line):
+    """Fit points and fill the record of their line; False where they do not define one."""
+    mean_x, mean_y, spread_x, spread_y, joint = moments(xs, ys)
+    # Coinciding points leave a spread that is rounding error only.
+    if not max(spread_x, spread_y) > xs.size * (1e-9 * (abs(mean_x) + abs(mean_y))) ** 2:
+        return False
+    if method in (ARRAS_SIEGWART, TOTAL_LEAST_SQUARES):
+        return _fit_polar(xs, ys, var_range, var_bearing, method == ARRAS_SIEGWART, line)
+    steep = spread_y > spread_x  # eq. 20-21
+    u, v = (ys, xs) if steep else (xs, ys)
+    line.form = X_ON_Y if steep else Y_ON_X
+    if method == EFFECTIVE_VARIANCE:
+        center, intercept = (mean_y, mean_x) if steep else (mean_x, mean_y)
+        slope = joint / (spread_y if steep else spread_x)
+        return _fit_effective(u, v, var_range, var_bearing, slope, intercept, center, line)
+    return _fit_cwlf(u, v, var_range, var_bearing, method == CWLF_PROPAGATED, line)
+
+
+@kernel(f8[::1], f8[::1], LINE)
 def project_ends(xs, ys, line):
     """Fill the ends of a fitted line: the first and the last point, projected onto it perpendicularly."""
     if line.form == POLAR:

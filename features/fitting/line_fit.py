@@ -1,3 +1,4 @@
+# pyright: standard
 """Fits of a straight line to the points of one segment, one interface for all methods."""
 
 import numpy as np

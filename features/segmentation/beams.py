@@ -1,26 +1,28 @@
+# pyright: standard
 """From a scan's beams to points in counter-clockwise order."""
 
 import math
 
 import numpy as np
-from numba import njit
 
+from features.compiled import inner
+from features.returns import is_return
 from features.se2 import TWO_PI
 
 TURN_BITS = 30
-"""Of the upper part of a quarter turn: its small multiples are exact."""
+"""Bits behind the binary point of QUARTER_HIGH: so few that its small multiples are exact."""
 
 QUARTER_HIGH = math.ldexp(round(math.ldexp(math.pi / 2.0, TURN_BITS)), -TURN_BITS)
 QUARTER_LOW = math.pi / 2.0 - QUARTER_HIGH
 QUARTER_REST = 6.123233995736766e-17
-"""What the two doubles above leave of pi / 2."""
+"""The remainder of pi / 2 beyond the two doubles above."""
 
 S3, S5, S7, S9, S11, S13, S15 = ((-1.0) ** k / math.factorial(2 * k + 1) for k in range(1, 8))
 C2, C4, C6, C8, C10, C12, C14, C16 = ((-1.0) ** k / math.factorial(2 * k) for k in range(1, 9))
-"""Taylor coefficients of sine and cosine; up to pi / 4 what follows them is below 1e-16."""
+"""Taylor coefficients of sine and cosine; up to pi / 4 the terms left out are below 1e-16."""
 
 
-@njit(cache=True, error_model="numpy")
+@inner()
 def turn_of(angles):
     """Return 1 where the angles rise, or stay, through at most one turn, -1 where they fall, and else 0."""
     falls = 0
@@ -33,7 +35,7 @@ def turn_of(angles):
     return 1 if falls == 0 else -1
 
 
-@njit(cache=True, error_model="numpy")
+@inner()
 def gather_returns(scan_ranges, scan_angles, range_min, range_max, ranges, angles, beams):
     """Fill range, angle and index of the beams with a return, counter-clockwise through at most one turn.
 
@@ -41,13 +43,15 @@ def gather_returns(scan_ranges, scan_angles, range_min, range_max, ranges, angle
     """
     size = scan_angles.size
     turn = turn_of(scan_angles)
-    if turn == 0:
+    order = np.empty(0, np.int64)
+    # A second time where rounding makes a whole turn of an angle just below zero.
+    while turn == 0:
         wrapped = scan_angles % TWO_PI
-        order = np.argsort(wrapped, kind="mergesort")
-        n, spacing = gather_returns(scan_ranges[order], wrapped[order], range_min, range_max, ranges, angles, beams)
-        for i in range(n):
-            beams[i] = order[beams[i]]
-        return n, spacing
+        rising = np.argsort(wrapped, kind="mergesort")
+        scan_ranges = scan_ranges[rising]
+        scan_angles = wrapped[rising]
+        order = order[rising] if order.size > 0 else rising
+        turn = turn_of(scan_angles)
     # Whole turns are taken off, so that sine and cosine see small angles.
     whole_turns = TWO_PI * np.rint(scan_angles[0] / TWO_PI)
     beam = 0 if turn > 0 else size - 1
@@ -61,12 +65,15 @@ def gather_returns(scan_ranges, scan_angles, range_min, range_max, ranges, angle
         ranges[n] = scan_ranges[beam]
         angles[n] = angle - whole_turns
         beams[n] = beam
-        n += (scan_ranges[beam] > 0.0) & (scan_ranges[beam] >= range_min) & (scan_ranges[beam] <= range_max)
+        n += is_return(scan_ranges[beam], range_min, range_max)
         beam += turn
+    if order.size > 0:
+        for i in range(n):
+            beams[i] = order[beams[i]]
     return n, (TWO_PI - largest_step) / max(size - 1, 1)
 
 
-@njit(cache=True, error_model="numpy", fastmath={"contract"}, forceinline=True)
+@inner(fastmath={"contract"}, forceinline=True)
 def to_cartesian(ranges, angles, n, xs, ys):
     """Fill x and y of n points whose angles lie within a few turns.
 

@@ -1,13 +1,13 @@
-"""The ends of segments: which points belong to which of two walls, and to neither."""
+# pyright: standard
+"""The breaks between segments: which points belong to which of two walls, or to neither."""
 
 import math
 
-from numba import njit
-
+from features.compiled import inner
 from features.fitting.fit_kernels import moments
 
 
-@njit(cache=True, error_model="numpy")
+@inner()
 def trim_ends(xs, ys, segment, points, distance):
     """Leave out ``points`` points, and those within ``distance``, of either end of a segment.
 
@@ -25,7 +25,7 @@ def trim_ends(xs, ys, segment, points, distance):
     segment.end = b
 
 
-@njit(cache=True, error_model="numpy", forceinline=True)
+@inner(forceinline=True)
 def fit_rough(xs, ys, segment):
     """Fit the points of a segment by total least squares, eq. 16-17, without angles and covariance.
 
@@ -53,9 +53,9 @@ def fit_rough(xs, ys, segment):
     segment.offset = mean_y * along_x - mean_x * along_y
 
 
-@njit(cache=True, error_model="numpy")
+@inner()
 def meet_at(xs, ys, total, segment_a, segment_b, sigma_range, closing, rules):
-    """Move the break between two neighbours to where their walls meet.
+    """Move the break between two neighbours to where their walls meet (eq. M25).
 
     They stay joined if both reach that point and all points between them are of one or the other: what was too short
     for a line may be noise at a corner, or a wall that stands between. ``closing`` says that the break is the end of a
@@ -80,7 +80,7 @@ def meet_at(xs, ys, total, segment_a, segment_b, sigma_range, closing, rules):
         segment_b.begin = step_back(xs, ys, first + rules.trim_points, segment_b.end, x, y, trim)
 
 
-@njit(cache=True, error_model="numpy")
+@inner()
 def move_break(xs, ys, x, y, segment_a, segment_b, accepted, fixed):
     """Return the last point of wall a and the first of wall b, on either side of the bearing of their intersection.
 
@@ -118,19 +118,19 @@ def move_break(xs, ys, x, y, segment_a, segment_b, accepted, fixed):
     return last, first
 
 
-@njit(cache=True, inline="always")
+@inner(inline="always")
 def is_before(x, y, point_x, point_y):
     """Whether a position lies clockwise of a point that is less than half a turn away."""
     return point_x * y - point_y * x < 0.0
 
 
-@njit(cache=True, inline="always")
+@inner(inline="always")
 def is_near(segment, x, y, accepted):
     """Whether a point is at most ``accepted`` away from the rough line of a segment [m]."""
     return abs(segment.normal_x * x + segment.normal_y * y - segment.offset) <= accepted
 
 
-@njit(cache=True, error_model="numpy")
+@inner()
 def are_near(xs, ys, begin, end, segment_a, segment_b, accepted):
     """Whether each of the points begin..end-1 is at most ``accepted`` away from one of two rough lines [m]."""
     for i in range(begin, end):
@@ -139,7 +139,7 @@ def are_near(xs, ys, begin, end, segment_a, segment_b, accepted):
     return True
 
 
-@njit(cache=True, error_model="numpy")
+@inner()
 def step_back(xs, ys, index, limit, x, y, distance):
     """Step from a point towards ``limit`` until it is ``distance`` away from a position; return where that is."""
     step = 1 if limit > index else -1
@@ -148,9 +148,9 @@ def step_back(xs, ys, index, limit, x, y, distance):
     return index
 
 
-@njit(cache=True, error_model="numpy")
+@inner()
 def walls_meet(xs, ys, joint, after, x, y, corner_gap):
-    """Whether both segments end at their intersection, as near as the spacing of their points tells."""
+    """Whether both segments end within ``corner_gap`` and the spacing of their points of their intersection [m]."""
     spacing2_a = (xs[joint] - xs[joint - 1]) ** 2 + (ys[joint] - ys[joint - 1]) ** 2
     spacing2_b = (xs[after] - xs[after + 1]) ** 2 + (ys[after] - ys[after + 1]) ** 2
     gap2_a = (x - xs[joint]) ** 2 + (y - ys[joint]) ** 2

@@ -1,14 +1,15 @@
+# pyright: standard
 """From points to straight segments: jump-distance clusters, split by iterative end point fit (IEPF)."""
 
 import math
 
 import numpy as np
-from numba import njit
 
+from features.compiled import inner
 from features.se2 import TWO_PI
 
 PLACE_BITS = (1 << 24) - 1
-"""The last bits of a double that :func:`farthest_point` spends on the place of a point: more than a scan has beams."""
+"""Mask of the low bits of a double where :func:`farthest_point` keeps the index of a point; no scan has so many."""
 
 ONE_BITS = int(np.float64(1.0).view(np.int64))
 
@@ -25,15 +26,15 @@ SEGMENT_RECORD = np.dtype(
         ("offset", np.float64),
     ]
 )
-"""A segment while a scan is worked on.
+"""A segment while a scan is processed.
 
 ``first`` and ``last`` are its breaking points, ``begin`` and ``end`` the points that are fitted, ``joined`` says
-whether the next segment continues it, ``line`` is its place among the lines or -1; the rest is its total-least-squares
+whether the next segment continues it, ``line`` is the index of its line or -1; the rest is its total-least-squares
 line, ``normal . p = offset``.
 """
 
 
-@njit(cache=True, error_model="numpy")
+@inner()
 def find_jumps(xs, ys, ranges, angles, n, slack, jump_angle, largest_gap, jumps):
     """Mark each of the n points behind which a segment ends, the last against the first; True where there is none.
 
@@ -61,7 +62,7 @@ def find_jumps(xs, ys, ranges, angles, n, slack, jump_angle, largest_gap, jumps)
     return found == 0
 
 
-@njit(cache=True, error_model="numpy")
+@inner()
 def find_segments(xs, ys, jumps, total, var_range, var_bearing, rules, stack, segments):
     """Split each cluster of the points 0..total-1 into segments; return their number."""
     count = 0
@@ -78,7 +79,7 @@ def find_segments(xs, ys, jumps, total, var_range, var_bearing, rules, stack, se
     return drop_stubs(xs, ys, var_range, rules, segments, count)
 
 
-@njit(cache=True, error_model="numpy")
+@inner()
 def split_segments(xs, ys, first, last, var_range, var_bearing, rules, stack, segments):
     """Split the points first..last by IEPF; fill the first and the last point of each segment, return their number.
 
@@ -105,7 +106,7 @@ def split_segments(xs, ys, first, last, var_range, var_bearing, rules, stack, se
     return count
 
 
-@njit(cache=True, error_model="numpy")
+@inner()
 def merge_segments(xs, ys, count, var_range, var_bearing, rules, segments):
     """Join neighbours that are one segment by the rule that splits, in place; return the number that is left.
 
@@ -127,7 +128,7 @@ def merge_segments(xs, ys, count, var_range, var_bearing, rules, segments):
     return kept + 1
 
 
-@njit(cache=True, error_model="numpy")
+@inner()
 def drop_stubs(xs, ys, var_range, rules, segments, count):
     """Drop segments too small for a line, in place, and mark which continue in the next; return the number left.
 
@@ -151,13 +152,13 @@ def drop_stubs(xs, ys, var_range, rules, segments, count):
     return kept
 
 
-@njit(cache=True, error_model="numpy", forceinline=True)
+@inner(forceinline=True)
 def is_short(x, y, var_range, rules):
     """Whether the way from end to end is too short for a line, as noise leaves it no direction."""
     return x * x + y * y < min(rules.min_length**2, rules.min_length_sigmas**2 * var_range)
 
 
-@njit(cache=True, error_model="numpy")
+@inner()
 def exceeds(xs, ys, a, b, i, var_range, var_bearing, rules):
     """Whether the point i exceeds the threshold of the chord from a to b."""
     chord_x = xs[b] - xs[a]
@@ -172,7 +173,7 @@ def exceeds(xs, ys, a, b, i, var_range, var_bearing, rules):
     return distance * distance > length2 * max(rules.split_distance**2, rules.split_sigmas**2 * variance)
 
 
-@njit(cache=True, error_model="numpy")
+@inner()
 def farthest_point(xs, ys, a, b, var_range, var_bearing, rules):
     """Index between a and b of the point that exceeds the threshold by the largest factor, -1 where none does."""
     sigmas2 = rules.split_sigmas * rules.split_sigmas
@@ -191,8 +192,8 @@ def farthest_point(xs, ys, a, b, var_range, var_bearing, rules):
         # Nearly every segment ends here: no point is beyond the lowest threshold, whatever its noise.
         if not any_beyond(xs, ys, normal_x, normal_y, offset, least):
             return -1
-    # The place of a point rides in the last bits of its factor, a positive number, which orders as an integer does:
-    # one maximum, on vectors, finds both; of points that are equally far the first.
+    # The low bits of a factor hold the index of its point. A positive double orders as the integer of its bits does, so
+    # that one vectorised maximum finds both; of points that are equally far it finds the first.
     best = ONE_BITS | PLACE_BITS
     for i in range(xs.size):
         rho2 = xs[i] * xs[i] + ys[i] * ys[i]
@@ -208,7 +209,7 @@ def farthest_point(xs, ys, a, b, var_range, var_bearing, rules):
     return -1 if best == ONE_BITS | PLACE_BITS else a + PLACE_BITS - (best & PLACE_BITS)
 
 
-@njit(cache=True, error_model="numpy")
+@inner()
 def any_beyond(xs, ys, normal_x, normal_y, offset, distance2):
     """Whether one of the points is farther from a line; counted, so that the compiler runs it on vectors."""
     beyond = 0

@@ -2,8 +2,9 @@
 
 import math
 
-import numba
 import numpy as np
+
+from features.compiled import inner
 
 BEAMS_PER_SECTOR = 4
 """In a full turn, on average: with more, more beams are tried in vain at the ends of walls; with fewer, there are more
@@ -24,7 +25,7 @@ SLACK = 1.0 - 1e-9
 """What is nearer than this share of its squared distance allows is not hidden by rounding alone."""
 
 
-@numba.njit(cache=True, error_model="numpy")
+@inner()
 def sector_count(beams):
     """Sectors, a power of two, for this many beams."""
     sectors = 16
@@ -33,7 +34,7 @@ def sector_count(beams):
     return sectors
 
 
-@numba.njit(cache=True, error_model="numpy")
+@inner()
 def sort_beams(cosines, sines, sorted_cosines, sorted_sines, slots, firsts):
     """Sort beams by sector, by counting, and keep their order within one.
 
@@ -59,7 +60,7 @@ def sort_beams(cosines, sines, sorted_cosines, sorted_sines, slots, firsts):
         sorted_sines[slot] = sines[i]
 
 
-@numba.njit(cache=True, error_model="numpy")
+@inner()
 def wall_sectors(ax, ay, bx, by, sectors):
     """First and last sector, counter-clockwise, of the wall from a to b as seen from the origin."""
     turn_a, turn_b = _turn(ax, ay), _turn(bx, by)
@@ -68,7 +69,7 @@ def wall_sectors(ax, ay, bx, by, sectors):
     return _sector(turn_a - _MARGIN, sectors), _sector(turn_b + _MARGIN, sectors)
 
 
-@numba.njit(cache=True, error_model="numpy")
+@inner()
 def box_sectors(x_min, y_min, x_max, y_max, sectors):
     """First and last sector, counter-clockwise, of a box that does not hold the origin: those of its outer corners."""
     left, right = x_max < 0.0, x_min > 0.0
@@ -80,7 +81,7 @@ def box_sectors(x_min, y_min, x_max, y_max, sectors):
     return _sector(_turn(ax, ay) - _MARGIN, sectors), _sector(_turn(bx, by) + _MARGIN, sectors)
 
 
-@numba.njit(cache=True, error_model="numpy")
+@inner()
 def hidden(firsts, far, first, last, distance):
     """Whether no beam from the first sector to the last reaches a squared distance [m^2]."""
     if first > last:
@@ -90,7 +91,7 @@ def hidden(firsts, far, first, last, distance):
     return _hidden_slots(far, firsts[first], firsts[last + np.uint32(1)], distance)
 
 
-@numba.njit(cache=True, error_model="numpy")
+@inner()
 def _hidden_slots(far, begin, end, distance):
     """Whether no beam in the slots ``begin <= k < end`` reaches a squared distance [m^2]."""
     if begin == end:
@@ -102,13 +103,13 @@ def _hidden_slots(far, begin, end, distance):
     return True
 
 
-@numba.njit(cache=True, error_model="numpy")
+@inner()
 def _blocks(begin, end):
     """First block of the slots ``begin <= k < end``, and the one after their last; unsigned, as indices of loops."""
     return np.uint64(begin) // np.uint64(BLOCK), (np.uint64(end) + np.uint64(BLOCK - 1)) // np.uint64(BLOCK)
 
 
-@numba.njit(cache=True, error_model="numpy")
+@inner()
 def lay(cosines, sines, ranges, hits, far, begin, end, ax, ay, bx, by, wall):
     """Try a wall on all beams of the blocks that hold the slots ``begin <= k < end``, and keep what is nearer.
 
@@ -130,7 +131,7 @@ def lay(cosines, sines, ranges, hits, far, begin, end, ax, ay, bx, by, wall):
         far[block] = farthest * farthest
 
 
-@numba.njit(cache=True, error_model="numpy")
+@inner()
 def hit_range(c, s, ax, ay, bx, by):
     """Range at which a beam from the origin in direction (c, s) hits the wall from a to b [m]; inf if it does not."""
     side_a, side_b = c * ay - s * ax, c * by - s * bx
@@ -143,7 +144,7 @@ def hit_range(c, s, ax, ay, bx, by):
     return hit if crosses & (hit > 0.0) else np.inf
 
 
-@numba.njit(cache=True, error_model="numpy")
+@inner()
 def _turn(x, y):
     """Direction of (x, y) as a share of the turn, from -y on, 0 to 1; of the square |x| + |y| = 1, not of a circle.
 
@@ -153,6 +154,6 @@ def _turn(x, y):
     return 0.25 * (1.0 + height if x >= 0.0 else 3.0 - height)
 
 
-@numba.njit(cache=True, error_model="numpy")
+@inner()
 def _sector(turn, sectors):
     return np.uint32(np.int32(math.floor(turn * sectors)) & (sectors - 1))

@@ -9,10 +9,11 @@
   is the one of the lowest number.
 """
 
-import numba
 import numpy as np
 import numpy.typing as npt
+from numba import f8, i8
 
+from features.compiled import READ_ONLY, READ_ONLY_ROWS, inner, kernel
 from features.se2 import Array
 from sim.casting.beam_sectors import (
     BLOCK,
@@ -97,7 +98,49 @@ def cast_beams(index: WallIndex, poses_world_sensor: Array, angles: Array) -> tu
     return ranges, wall_ids
 
 
-@numba.njit(cache=True, error_model="numpy")
+@inner()
+def _push_children(boxes, node, x, y, stack, near, depth):
+    """Push both children with their squared distances, the nearer one on top; the new depth of the stack."""
+    left, right = 2 * node + 1, 2 * node + 2
+    near_left, near_right = _box_distance(boxes, left, x, y), _box_distance(boxes, right, x, y)
+    if near_left < near_right:
+        left, right = right, left
+        near_left, near_right = near_right, near_left
+    stack[depth], near[depth] = left, near_left
+    stack[depth + 1], near[depth + 1] = right, near_right
+    return depth + 2
+
+
+@inner()
+def _meets(boxes, node, x, y, c, s):
+    """Whether a box, widened by a little more than rounding, meets the beam from (x, y) in direction (c, s)."""
+    half_x, half_y = 0.5 * (boxes[node, 2] - boxes[node, 0]), 0.5 * (boxes[node, 3] - boxes[node, 1])
+    dx, dy = boxes[node, 0] + half_x - x, boxes[node, 1] + half_y - y
+    slack = 2.0 * ON_WALL + 1e-12 * (abs(dx) + abs(dy) + half_x + half_y)
+    aside, ahead = c * dy - s * dx, c * dx + s * dy
+    return (
+        abs(aside) <= half_x * abs(s) + half_y * abs(c) + slack and -ahead <= half_x * abs(c) + half_y * abs(s) + slack
+    )
+
+
+@inner()
+def _box_distance(boxes, node, x, y):
+    """Squared distance of a point to a box [m^2]."""
+    dx = max(boxes[node, 0] - x, 0.0, x - boxes[node, 2])
+    dy = max(boxes[node, 1] - y, 0.0, y - boxes[node, 3])
+    return dx * dx + dy * dy
+
+
+@inner()
+def _squared_distance(ax, ay, bx, by):
+    """Squared distance of the wall from a to b to the origin [m^2]."""
+    ex, ey = bx - ax, by - ay
+    share = min(1.0, max(0.0, -(ax * ex + ay * ey) / (ex * ex + ey * ey)))
+    dx, dy = ax + share * ex, ay + share * ey
+    return dx * dx + dy * dy
+
+
+@kernel(f8[:, ::1], i8[::1], f8[:, ::1], i8[::1], READ_ONLY_ROWS, READ_ONLY)
 def _cast_fans(boxes, bounds, walls, ids, poses, angles):
     n = angles.size
     all_ranges = np.empty((len(poses), n))
@@ -157,7 +200,7 @@ def _cast_fans(boxes, bounds, walls, ids, poses, angles):
     return all_ranges, all_ids, True
 
 
-@numba.njit(cache=True, error_model="numpy")
+@kernel(f8[:, ::1], i8[::1], f8[:, ::1], i8[::1], READ_ONLY_ROWS, READ_ONLY)
 def _cast_beams(boxes, bounds, walls, ids, poses, directions):
     n = directions.size
     ranges, hits = np.full(n, np.inf), np.full(n, -1)
@@ -187,45 +230,3 @@ def _cast_beams(boxes, bounds, walls, ids, poses, directions):
                 if hit < ranges[i] or (hit == ranges[i] and ids[k] < hits[i]):
                     ranges[i], hits[i] = hit, ids[k]
     return ranges, hits, True
-
-
-@numba.njit(cache=True, error_model="numpy")
-def _push_children(boxes, node, x, y, stack, near, depth):
-    """Push both children with their squared distances, the nearer one on top; the new depth of the stack."""
-    left, right = 2 * node + 1, 2 * node + 2
-    near_left, near_right = _box_distance(boxes, left, x, y), _box_distance(boxes, right, x, y)
-    if near_left < near_right:
-        left, right = right, left
-        near_left, near_right = near_right, near_left
-    stack[depth], near[depth] = left, near_left
-    stack[depth + 1], near[depth + 1] = right, near_right
-    return depth + 2
-
-
-@numba.njit(cache=True, error_model="numpy")
-def _meets(boxes, node, x, y, c, s):
-    """Whether a box, widened by a little more than rounding, meets the beam from (x, y) in direction (c, s)."""
-    half_x, half_y = 0.5 * (boxes[node, 2] - boxes[node, 0]), 0.5 * (boxes[node, 3] - boxes[node, 1])
-    dx, dy = boxes[node, 0] + half_x - x, boxes[node, 1] + half_y - y
-    slack = 2.0 * ON_WALL + 1e-12 * (abs(dx) + abs(dy) + half_x + half_y)
-    aside, ahead = c * dy - s * dx, c * dx + s * dy
-    return (
-        abs(aside) <= half_x * abs(s) + half_y * abs(c) + slack and -ahead <= half_x * abs(c) + half_y * abs(s) + slack
-    )
-
-
-@numba.njit(cache=True, error_model="numpy")
-def _box_distance(boxes, node, x, y):
-    """Squared distance of a point to a box [m^2]."""
-    dx = max(boxes[node, 0] - x, 0.0, x - boxes[node, 2])
-    dy = max(boxes[node, 1] - y, 0.0, y - boxes[node, 3])
-    return dx * dx + dy * dy
-
-
-@numba.njit(cache=True, error_model="numpy")
-def _squared_distance(ax, ay, bx, by):
-    """Squared distance of the wall from a to b to the origin [m^2]."""
-    ex, ey = bx - ax, by - ay
-    share = min(1.0, max(0.0, -(ax * ex + ay * ey) / (ex * ex + ey * ey)))
-    dx, dy = ax + share * ex, ay + share * ey
-    return dx * dx + dy * dy

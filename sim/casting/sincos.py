@@ -1,7 +1,9 @@
 """Cosine and sine of many directions at once."""
 
-import numba
 import numpy as np
+from numba import f8
+
+from features.compiled import READ_ONLY, kernel
 
 MAX_ANGLE = 1e6
 """The reduction to the first octant is exact below this [rad]."""
@@ -13,7 +15,7 @@ _QUARTER_3 = 2.02226624879595063154e-21
 """pi / 2 in three parts; the first two have 33 bits: their products with a whole number below 2^20 are exact."""
 
 
-@numba.njit(cache=True, error_model="numpy")
+@kernel(READ_ONLY, f8, f8[::1], f8[::1])
 def sincos(angles, offset, cosines, sines):
     """Fill cosine and sine of ``angles + offset``, each within two units of its last place; True if all were in limits.
 

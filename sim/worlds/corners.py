@@ -1,9 +1,10 @@
 """Where exactly two walls end."""
 
-import numba
 import numpy as np
 import numpy.typing as npt
+from numba import f8, i8
 
+from features.compiled import kernel
 from features.se2 import Array
 from sim.casting.wall_index import WallIndex
 
@@ -40,7 +41,7 @@ def find_corners(walls: Array, index: WallIndex) -> tuple[Array, Array, npt.NDAr
     return points[at[kept]], opening_angles[kept], pairs[at[kept]]
 
 
-@numba.njit(cache=True, error_model="numpy")
+@kernel(f8[:, ::1], i8[::1], f8[:, ::1], i8[::1], f8[:, ::1])
 def _meeting_walls(boxes, bounds, walls, ids, points):
     """Pair of walls, ascending, that each point lies on, shape (p, 2); -1 where they are not two."""
     pairs = np.full((len(points), 2), -1)

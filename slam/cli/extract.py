@@ -22,14 +22,14 @@ def extract_scan(
     """Show the lines and corners of one scan of a log."""
     from drivers.open_log import open_log
     from slam.config_file import load_config
-    from slam.study.paper.one_scan import feature_lines, scan_features
+    from slam.study.one_scan import feature_lines, scan_features
 
     source = open_log(log, scan_topic=scan_topic, odom_topic=odom_topic)
     effective = load_config(config, preset=sensor, source_preset=source.sensor, source_mounting=source.mounting)
     taken, features = scan_features(source, scan, effective)
     typer.echo("\n".join(feature_lines(taken, features)))
     if plot is not None:
-        from slam.study.paper.one_scan_plot import draw_scan
+        from slam.pictures.scan import draw_scan
 
         draw_scan(plot, f"{source.name}, scan {scan}", taken, features, effective.sensor.range_max_m)
         typer.echo(f"picture: {plot}")

@@ -36,7 +36,7 @@ def main() -> None:
     # Of the libraries alone hundreds of thousands of objects stay: to look through them for garbage takes a second.
     gc.set_threshold(50_000)
     logging.basicConfig(level=logging.WARNING, format="%(levelname)s: %(message)s", stream=sys.stderr)
-    logging.getLogger("slam.compiled").setLevel(logging.INFO)
+    logging.getLogger("features.compiled").setLevel(logging.INFO)
     logging.captureWarnings(capture=True)
     try:
         app()

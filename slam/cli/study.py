@@ -55,7 +55,7 @@ def corners(
 ) -> None:
     """Tables I and II: claimed uncertainty of each corner beside its true error, by each method."""
     from slam.study.paper.corners import CornerSettings
-    from slam.study.report import study_corners
+    from slam.study.paper.report import study_corners
 
     settings = CornerSettings(environment=environment, scans=scans, sigma_range_mm=sigma_range_mm, seed=seed)
     with _begun("corners", f"corners-{environment}", settings, out, overwrite, scheduler, workers) as (client, folder):
@@ -73,7 +73,7 @@ def consistency(
 ) -> None:
     """Where each covariance holds: NEES/2 and bias over noise, incidence, points, angle and distance."""
     from slam.study.paper.consistency import ConsistencySettings
-    from slam.study.report import study_consistency
+    from slam.study.paper.report import study_consistency
 
     settings = ConsistencySettings(trials=trials, seed=seed)
     with _begun("consistency", "consistency", settings, out, overwrite, scheduler, workers) as (client, folder):
@@ -102,8 +102,9 @@ def slam(
     overwrite: Overwrite = False,
 ) -> None:
     """Run the whole pipeline on simulated runs: errors, NEES, NIS, associations and duplicates against the truth."""
+    from slam.study.monte_carlo.report import study_slam
     from slam.study.monte_carlo.runs import MonteCarloSettings, simulated_run, study_config
-    from slam.study.report import failed, study_slam
+    from slam.study.tasks.run import failure_message
 
     settings = MonteCarloSettings(
         world=world,
@@ -121,7 +122,7 @@ def slam(
         lines, failures = study_slam(client, folder, settings)
         _print(lines, folder)
         if failures:
-            typer.echo(f"cwlf-slam: {failed(folder, failures, seeds)}", err=True)
+            typer.echo(f"cwlf-slam: {failure_message(folder, failures, seeds)}", err=True)
             raise typer.Exit(1)
 
 
@@ -137,8 +138,8 @@ def timing(
     from datetime import datetime
 
     from slam.run.folder import claimed, default_folder
+    from slam.study.paper.report import study_timing
     from slam.study.paper.timing import TimingSettings
-    from slam.study.report import study_timing
 
     settings = TimingSettings(repeats=repeats, sigma_range_mm=sigma_range_mm, seed=seed)
     with claimed(out or default_folder("timing", datetime.now()), overwrite=overwrite) as folder:

@@ -10,9 +10,9 @@ from numpy.typing import NDArray
 from drivers.data_sets.mrclam import MrclamLog, is_mrclam
 from drivers.open_log import is_recording
 from drivers.recording.recording import Recording
-from features.se2 import Array, Pose, transform
+from features.se2 import Array, Pose, align, transform
 from sim.worlds.world import World
-from slam.evaluation.metrics import align, ate, match_landmarks, rpe
+from slam.evaluation.metrics import ate, match_landmarks, rpe
 from slam.evaluation.relations import read_relations, relations
 from slam.result.result import SlamResult
 from slam.result.trajectory import Trajectory

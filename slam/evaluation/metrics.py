@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from features.errors import CwlfError
-from features.se2 import Array, Pose, between, pose, rotation, transform
+from features.se2 import Array, Pose, align, between, transform
 from slam.result.trajectory import Trajectory
 
 ASSOCIATION_TOLERANCE = 0.02
@@ -86,26 +86,6 @@ def associate(
             f"of a pose of the truth ({span(truth)})"
         )
     return (indices_short, indices_long) if estimate_is_longer else (indices_long, indices_short)
-
-
-def align(points_truth: Array, points_estimate: Array) -> Pose:
-    """Find the rigid motion of the plane that brings one set of points nearest to another in least squares.
-
-    Closed form of Umeyama (1991) in the plane, without scale. Where the points do not determine a heading, it is 0.
-
-    Parameters
-    ----------
-    points_truth, points_estimate : shape (n, 2) each, n >= 1, row by row the same point [m].
-
-    Returns
-    -------
-    pose_truth_estimate : shape (3,) [m, m, rad].
-    """
-    mean_truth, mean_estimate = points_truth.mean(axis=0), points_estimate.mean(axis=0)
-    cov = (points_estimate - mean_estimate).T @ (points_truth - mean_truth)
-    theta = float(np.arctan2(cov[0, 1] - cov[1, 0], cov[0, 0] + cov[1, 1]))
-    x, y = mean_truth - rotation(theta) @ mean_estimate
-    return pose(x, y, theta)
 
 
 def ate(truth: Trajectory, estimate: Trajectory, tolerance: float = ASSOCIATION_TOLERANCE) -> Ate:

@@ -1,14 +1,15 @@
 """Which landmark an observed corner is: gates, signature, and nearest neighbour or joint compatibility."""
 
 from dataclasses import dataclass
-from typing import Literal
+from typing import Literal, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import chi2
 
 from features.feature import Corners
-from features.se2 import Array, wrap_angle
+from features.se2 import Array
+from features.signature import Kind, Signatures, alike
 from slam.filter.ekf import POSE_DIM, LandmarkEkf, corner_jacobian_blocks, predict_corners
 from slam.filter.joint_compatibility import joint_compatibility
 
@@ -19,21 +20,6 @@ Method = Literal["joint", "nearest"]
 
 MOST_CORNERS = 500
 """For which gates are kept ready; no scan has as many."""
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Signatures:
-    """What tells landmarks apart beside their position, in the order of the filter's state.
-
-    Parameters
-    ----------
-    convex : shape (n,), bool.
-    opening_angles, orientations : shape (n,), world frame [rad].
-    """
-
-    convex: NDArray[np.bool_]
-    opening_angles: Array
-    orientations: Array
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -110,19 +96,42 @@ class Gates:
         self.orientation = orientation
 
 
+class Associator(Protocol):
+    """Matches the corners of a scan to landmarks; :func:`associate` is the one that comes with the project."""
+
+    def __call__(self, corners_robot: Corners, ekf: LandmarkEkf, signatures: Signatures, gates: Gates) -> Association:
+        """Match corners, robot frame, to the landmarks of the filter, each landmark at most once.
+
+        Parameters
+        ----------
+        corners_robot : of one scan.
+        ekf : the filter, moved to where the scan was taken.
+        signatures : of its landmarks, in the order of its state, world frame.
+        gates : limits, as configured.
+        """
+        ...
+
+
 def associate(corners_robot: Corners, ekf: LandmarkEkf, signatures: Signatures, gates: Gates) -> Association:
     """Match corners, robot frame, to the filter's landmarks, each landmark at most once.
 
-    A pair is admitted by the innovation covariance of the two (eq. M18), the same kind and a similar signature.
+    A pair is admitted by its innovation covariance (eq. M18) and its signatures.
+
+    Parameters
+    ----------
+    corners_robot, ekf : the corners and the filter.
+    signatures : of the landmarks in the order of the filter's state, world frame, shape (n,).
+    gates : limits of what is admitted.
     """
     count = len(corners_robot)
     none = np.empty(0, np.int64)
-    if count == 0 or len(signatures.convex) == 0:
+    if count == 0 or len(signatures) == 0:
         return Association(none, none, np.arange(count))
 
     innovations, covs = _innovations(corners_robot, ekf)
     distances2 = _mahalanobis2(innovations, covs)
-    admitted = np.where(_alike(corners_robot, signatures, ekf.x[2], gates), distances2, np.inf)
+    seen = corners_robot.signatures.turned(ekf.x[2])[:, None]
+    admitted = np.where(alike(seen, signatures, gates.opening, gates.orientation), distances2, np.inf)
     rows, columns = np.nonzero(admitted <= gates.match)
     if gates.method == "joint":
         cov = _joint_cov(corners_robot, ekf, rows, columns)
@@ -134,11 +143,12 @@ def associate(corners_robot: Corners, ekf: LandmarkEkf, signatures: Signatures, 
         )
     corners, landmarks = rows[chosen], columns[chosen]
 
-    same_kind = corners_robot.convex[:, None] == signatures.convex[None, :]
-    near = same_kind & (np.hypot(innovations[..., 0], innovations[..., 1]) < gates.birth_distance)
+    near = (seen.kinds == signatures.kinds) & (
+        np.hypot(innovations[..., 0], innovations[..., 1]) < gates.birth_distance
+    )
     explaining = near | (admitted <= gates.birth)
     # Points have no signature that tells a real one from half of another: two seen at once are two, however near.
-    explaining[np.ix_(np.isnan(corners_robot.opening_angles), landmarks)] = False
+    explaining[np.ix_(corners_robot.kinds == Kind.POINT, landmarks)] = False
     explained = explaining.any(axis=1)
     explained[corners] = True
     new = np.flatnonzero(~explained)
@@ -194,11 +204,14 @@ def _joint_distance2(innovations: Array, cov: Array) -> float:
 
 
 def _joint_cov(corners_robot: Corners, ekf: LandmarkEkf, corners: Indices, landmarks: Indices) -> Array:
-    """Covariance of the innovations of several pairs together, shape (2 m, 2 m) [m^2]."""
+    """Covariance of the innovations of several pairs together, shape (2 m, 2 m) [m^2].
+
+    The block of two pairs of the same corner lacks the noise of the corner, which both share: no hypothesis has both.
+    """
     m = len(corners)
     _, cov = ekf.relative(landmarks)
-    rows, columns = np.nonzero(corners[:, None] == corners)
-    cov.reshape(m, 2, m, 2)[rows, :, columns] += corners_robot.covs[corners[rows]]
+    own = np.arange(m)
+    cov.reshape(m, 2, m, 2)[own, :, own] += corners_robot.covs[corners]
     return cov
 
 
@@ -224,15 +237,3 @@ def _mahalanobis2(innovations: Array, covs: Array) -> Array:
     a, b, c = covs[..., 0, 0], covs[..., 0, 1], covs[..., 1, 1]
     u, v = innovations[..., 0], innovations[..., 1]
     return (c * u * u - 2.0 * b * u * v + a * v * v) / (a * c - b * b)
-
-
-def _alike(corners_robot: Corners, signatures: Signatures, heading: float, gates: Gates) -> NDArray[np.bool_]:
-    opening = corners_robot.opening_angles[:, None] - signatures.opening_angles[None, :]
-    orientation = wrap_angle(corners_robot.orientations[:, None] + heading - signatures.orientations[None, :])
-    same_kind = corners_robot.convex[:, None] == signatures.convex[None, :]
-    return same_kind & similar(opening, orientation, gates)
-
-
-def similar(opening: Array, orientation: Array, gates: Gates) -> NDArray[np.bool_]:
-    """Whether such differences of two signatures allow them to be of one; NaN, of what has none, allows it."""
-    return np.isnan(opening) | ((np.abs(opening) < gates.opening) & (np.abs(orientation) < gates.orientation))

@@ -1,13 +1,15 @@
 """EKF-SLAM over a robot pose and point landmarks, on filterpy's extended Kalman filter.
 
-The state is ``[x, y, theta, x_1, y_1, x_2, y_2, ...]``, world frame. What filterpy does densely, cubic in the number of
-landmarks, is done on the few rows that a motion or an observation touches; state, names and bookkeeping are filterpy's.
+The state is ``[x, y, theta, x_1, y_1, x_2, y_2, ...]``, world frame. The steps of filterpy are dense, cubic in the
+number of landmarks; here they work on the few rows that a motion or an observation touches. Interface, names and
+bookkeeping are those of filterpy, so that whatever works with its filters works with this one.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import TypeAlias
 
 import numpy as np
 from filterpy.kalman import ExtendedKalmanFilter
@@ -15,15 +17,22 @@ from numpy.typing import NDArray
 from scipy.linalg import cho_factor, cho_solve
 from scipy.sparse import csr_array
 
-from features.se2 import Array, Pose, rotation, wrap_angle
+from features.se2 import Array, Pose, compose, rotation, transform_inverse, wrap_angle
+from features.se2_kernels import compound
 from slam.errors import DivergedError
-from slam.odometry.cloned_pose import move
 
 POSE_DIM = 3
+
+Jacobian: TypeAlias = "CornerJacobian | csr_array | Array"
+"""Derivative of a measurement by the state, shape (m, dim_x)."""
 
 
 class LandmarkEkf(ExtendedKalmanFilter):
     """Extended Kalman filter whose motion touches the pose only and whose observation Jacobians are sparse.
+
+    It is used as filterpy's :class:`ExtendedKalmanFilter`: ``predict``, ``predict_x``, ``update``, ``predict_update``,
+    ``likelihood``, ``mahalanobis``, ``Saver``. The control ``u`` is a motion, a pose in the frame of the robot before
+    it; ``Q`` is the covariance of its coordinates, shape (3, 3). ``F`` and ``B`` play no part.
 
     Parameters
     ----------
@@ -63,10 +72,14 @@ class LandmarkEkf(ExtendedKalmanFilter):
         blocks = POSE_DIM + 2 * np.arange(len(self.landmarks))[:, None] + np.arange(2)
         return self.P[blocks[:, :, None], blocks[:, None, :]]
 
-    def predict(self, u: Pose) -> None:  # type: ignore[override]  # filterpy's default of 0 is no motion of a robot
-        """Move the robot by ``u``, a pose in the frame before the motion, with covariance ``Q``, shape (3, 3).
+    def predict_x(self, u: Pose | int = 0) -> None:
+        """Move the robot by ``u`` in the state alone; the covariance stays as it is."""
+        self.x = np.concatenate([compose(self.x[:POSE_DIM], _motion(u)), self.x[POSE_DIM:]])
 
-        Landmarks rest, so three rows and columns of P change (eq. M13).
+    def predict(self, u: Pose | int = 0) -> None:
+        """Move the robot by ``u``, shape (3,), with covariance ``Q``; without ``u`` it stands, and ``Q`` is added.
+
+        Landmarks do not move, so three rows and columns of P change (eq. M13).
 
         Raises
         ------
@@ -74,7 +87,7 @@ class LandmarkEkf(ExtendedKalmanFilter):
             The moved pose or its covariance is not finite.
         """
         cross = self.P[:POSE_DIM, POSE_DIM:].copy()
-        pose, cov, finite = move(self.x[:POSE_DIM], self.pose_cov, cross[None], u, self.Q)
+        pose, cov, finite = compound(self.x[:POSE_DIM], self.pose_cov, cross[None], _motion(u), self.Q)
         if not finite:
             raise DivergedError("the pose or its covariance is no longer finite: look at the odometry and the mounting")
         self.x, self.P = self.x.copy(), self.P.copy()
@@ -86,23 +99,29 @@ class LandmarkEkf(ExtendedKalmanFilter):
 
     def update(
         self,
-        z: Array,
-        HJacobian: Callable[..., CornerJacobian | csr_array],
+        z: Array | None,
+        HJacobian: Callable[..., Jacobian],
         Hx: Callable[..., Array],
-        R: Array | None = None,
-        args: tuple[object, ...] = (),
-        hx_args: tuple[object, ...] = (),
+        R: Array | float | None = None,
+        args: object = (),
+        hx_args: object = (),
         residual: Callable[[Array, Array], Array] = np.subtract,
     ) -> None:
-        """Update with a measurement as filterpy does, for a Jacobian that is sparse.
+        """Update with a measurement as filterpy does; the Jacobian may be sparse. Nothing changes where ``z`` is None.
 
         Raises
         ------
         DivergedError
             The innovation covariance is not positive definite.
         """
-        noise = self.R if R is None else R
-        H = HJacobian(self.x, *args)
+        if z is None:
+            self.z = np.full((self.dim_z, 1), None)
+            self._save_posterior()
+            return
+        noise = self.R if R is None else np.asarray(R)
+        if noise.ndim == 0:
+            noise = noise * np.eye(self.dim_z)
+        H = HJacobian(self.x, *_tuple(args))
         cross = (H @ self.P).T
         self.S = H @ cross + noise
         try:
@@ -111,7 +130,7 @@ class LandmarkEkf(ExtendedKalmanFilter):
             raise DivergedError(f"the innovation covariance is not positive definite: {error}") from None
         self.SI = cho_solve(factor, np.eye(len(self.S)))
         self.K = cho_solve(factor, cross.T).T
-        self.y = residual(z, Hx(self.x, *hx_args))
+        self.y = residual(z, Hx(self.x, *_tuple(hx_args)))
         x = self.x + self.K @ self.y
         x[2] = wrap_angle(x[2])
         P = self.P - self.K @ cross.T
@@ -119,6 +138,19 @@ class LandmarkEkf(ExtendedKalmanFilter):
         self.z = z.copy()
         self._log_likelihood = self._likelihood = self._mahalanobis = None
         self._save_posterior()
+
+    def predict_update(
+        self,
+        z: Array | None,
+        HJacobian: Callable[..., Jacobian],
+        Hx: Callable[..., Array],
+        args: object = (),
+        hx_args: object = (),
+        u: Pose | int = 0,
+    ) -> None:
+        """Predict by ``u`` and update with ``z``, see :meth:`predict` and :meth:`update`."""
+        self.predict(u)
+        self.update(z, HJacobian, Hx, args=args, hx_args=hx_args)
 
     def observe(self, positions_robot: Array, covs: Array, landmarks: NDArray[np.int64]) -> None:
         """Update with corners, robot frame, shapes (k, 2) and (k, 2, 2), of known landmarks, indices of shape (k,)."""
@@ -146,7 +178,6 @@ class LandmarkEkf(ExtendedKalmanFilter):
         self.x = np.concatenate([self.x, (self.x[:2] + arms).ravel()])
         self.P = np.block([[self.P, cross.T], [cross, 0.5 * (own + own.T)]])
         self.dim_x = self.x.size
-        self._I = np.eye(self.dim_x)
         self._save_posterior()
 
     def positions_robot(self) -> Array:
@@ -173,7 +204,6 @@ class LandmarkEkf(ExtendedKalmanFilter):
         kept[(POSE_DIM + 2 * landmarks[:, None] + np.arange(2)).ravel()] = False
         self.x, self.P = self.x[kept], self.P[np.ix_(kept, kept)]
         self.dim_x = self.x.size
-        self._I = np.eye(self.dim_x)
         self._save_posterior()
 
     def _save_prior(self) -> None:
@@ -181,6 +211,16 @@ class LandmarkEkf(ExtendedKalmanFilter):
 
     def _save_posterior(self) -> None:
         self.x_post, self.P_post = self.x, self.P
+
+
+def _motion(u: Pose | int) -> Pose:
+    """Motion that a control means: filterpy's default of 0 is none."""
+    return np.zeros(POSE_DIM) if np.isscalar(u) and u == 0 else np.asarray(u, np.float64)
+
+
+def _tuple(arguments: object) -> tuple[object, ...]:
+    """Arguments of a function as filterpy takes them: a tuple, or a single one by itself."""
+    return arguments if isinstance(arguments, tuple) else (arguments,)
 
 
 def block_diagonal(blocks: Array) -> Array:
@@ -194,7 +234,7 @@ def block_diagonal(blocks: Array) -> Array:
 
 def predict_corners(x: Array, landmarks: NDArray[np.int64]) -> Array:
     """Positions of landmarks in the robot frame, shape (k, 2) [m], eq. M14."""
-    return (x[POSE_DIM:].reshape(-1, 2)[landmarks] - x[:2]) @ rotation(x[2])
+    return transform_inverse(x[:POSE_DIM], x[POSE_DIM:].reshape(-1, 2)[landmarks])
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -1,21 +1,22 @@
 """The filter on the landmarks near the robot, and the life of landmarks: birth, merging, rest and end."""
 
-import math
 from dataclasses import replace
 from itertools import combinations
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csr_array
+from scipy.spatial.distance import pdist
 
 from features.feature import Corners
 from features.scan import LaserScan
-from features.se2 import Array, Pose, wrap_angle
+from features.se2 import Array, Pose, rotate_each, transform_inverse, wrap_angle
 from features.sensor import SensorModel
-from slam.filter.association import Association, Gates, Signatures, associate, associate_identified
+from features.signature import Kind, alike
+from slam.filter.association import Association, Associator, Gates, associate, associate_identified
 from slam.filter.ekf import POSE_DIM, LandmarkEkf, block_diagonal, corner_jacobian_blocks
 from slam.filter.landmark_table import GONE, LOCAL, LandmarkTable
-from slam.odometry.beams import seen_through, similar_pairs
+from slam.odometry.beams import seen_through
 
 Indices = NDArray[np.int64]
 
@@ -31,6 +32,7 @@ class FrontEnd:
     pose_world_robot, cov : first pose, shape (3,), and its covariance, shape (3, 3).
     gates : of the association.
     keep_distance : landmarks farther from the robot are laid to rest [m].
+    associator : another association than :func:`slam.filter.association.associate`; None for that one.
 
     Attributes
     ----------
@@ -41,7 +43,14 @@ class FrontEnd:
         where the robot is than the filter does.
     """
 
-    def __init__(self, pose_world_robot: Pose, cov: Array, gates: Gates, keep_distance: float) -> None:
+    def __init__(
+        self,
+        pose_world_robot: Pose,
+        cov: Array,
+        gates: Gates,
+        keep_distance: float,
+        associator: Associator | None = None,
+    ) -> None:
         self.ekf = LandmarkEkf(pose_world_robot, cov)
         self.table = LandmarkTable()
         self.local: Indices = np.empty(0, np.int64)
@@ -49,6 +58,7 @@ class FrontEnd:
         self._seen_at_once: set[tuple[int, int]] = set()
         self._gates = gates
         self._keep_distance = keep_distance
+        self._associator = associator
 
     def move(self, motion: Pose, cov: Array) -> None:
         """Predict: the robot moves by ``motion``, shape (3,), with covariance (3, 3)."""
@@ -69,7 +79,8 @@ class FrontEnd:
         """
         ekf, table = self.ekf, self.table
         if identities is None:
-            association = associate(corners_robot, ekf, self._signatures(), self._gates)
+            associator = self._associator or associate
+            association = associator(corners_robot, ekf, table.signatures(self.local), self._gates)
             covs = corners_robot.covs[association.corners]
         else:
             known = table.identities[self.local]
@@ -85,7 +96,7 @@ class FrontEnd:
             ekf.add_landmarks(corners_robot.positions[new], block_diagonal(corners_robot.covs[new]))
             landmarks[new] = self._enter(corners_robot, new, identities)
             self.local = np.concatenate([self.local, landmarks[new]])
-        self._remember_apart(landmarks[np.isnan(corners_robot.opening_angles) & (landmarks >= 0)])
+        self._remember_apart(landmarks[(corners_robot.kinds == Kind.POINT) & (landmarks >= 0)])
         return replace(association, landmarks=landmarks[matched]), landmarks
 
     def _enter(self, corners_robot: Corners, new: Indices, identities: Indices | None) -> Indices:
@@ -109,7 +120,7 @@ class FrontEnd:
         """End landmarks whose place the beams went through more often than they were seen; none ``seen`` just now."""
         if not self.local.size:
             return
-        missed = seen_through(scan, sensor, transform_back(self.ekf.pose, self.ekf.landmarks))
+        missed = seen_through(scan, sensor, transform_inverse(self.ekf.pose, self.ekf.landmarks))
         missed &= ~_among(self.local, seen)
         self.table.misses[self.local[missed]] += 1
         over = self.table.misses[self.local] > self.table.observations[self.local]
@@ -117,7 +128,7 @@ class FrontEnd:
         self._drop(over)
 
     def merge(self) -> list[tuple[int, int]]:
-        """Merge landmarks that are one; return the pairs, the landmark that is kept first."""
+        """Merge landmarks that are one; return the pairs, the landmark that is kept first (eq. M46-M47)."""
         merged = []
         while (pair := self._duplicates()) is not None:
             kept, other = sorted(pair, key=lambda slot: int(self.local[slot]))
@@ -154,7 +165,7 @@ class FrontEnd:
         self.ekf.rebase(pose_world_robot, cov)
 
     def wake(self, poses_world_robot: Array, key_frames: Indices, cov: Array) -> None:
-        """Take landmarks near the robot back from rest.
+        """Take landmarks near the robot back from rest (eq. M44-M45).
 
         Parameters
         ----------
@@ -165,9 +176,7 @@ class FrontEnd:
         table = self.table
         known = np.flatnonzero(np.isin(table.key_frames, key_frames))
         homes = poses_world_robot[table.key_frames[known]]
-        c, s = np.cos(homes[:, 2]), np.sin(homes[:, 2])
-        x, y = table.positions[known].T
-        positions_world = homes[:, :2] + np.stack([c * x - s * y, s * x + c * y], axis=-1)
+        positions_world = homes[:, :2] + rotate_each(table.positions[known], homes[:, 2])
         near = np.hypot(*(positions_world - self.ekf.x[:2]).T) < self._keep_distance
         known, homes, positions_world = known[near], homes[near], positions_world[near]
         if not known.size:
@@ -178,25 +187,21 @@ class FrontEnd:
         c, s = np.cos(turns), np.sin(turns)
         axes = np.array([[c, -s], [s, c]]).transpose(2, 0, 1)
         own = block_diagonal(axes @ table.covs[known] @ axes.transpose(0, 2, 1))
-        self.ekf.add_landmarks(transform_back(self.ekf.pose, positions_world), own + by_pose @ cov @ by_pose.T)
+        self.ekf.add_landmarks(transform_inverse(self.ekf.pose, positions_world), own + by_pose @ cov @ by_pose.T)
         table.wake(known, homes[:, 2])
         self.local = np.concatenate([self.local, known])
 
-    def _signatures(self) -> Signatures:
-        table, local = self.table, self.local
-        return Signatures(table.convex[local], table.opening_angles[local], table.orientations[local])
-
     def _duplicates(self) -> tuple[int, int] | None:
         """Places of two landmarks that are one: as near as their covariance allows, of the same kind and signature."""
-        signatures, gates, landmarks = self._signatures(), self._gates, self.ekf.landmarks
-        close = similar_pairs(
-            landmarks, signatures.convex, signatures.opening_angles, signatures.orientations,
-            gates.birth_distance, gates.opening, gates.orientation,
-        )  # fmt: skip
-        identities = self.table.identities[self.local]
-        for i, j in close.tolist():
-            if identities[i] != identities[j]:
-                continue
+        gates, landmarks = self._gates, self.ekf.landmarks
+        near = np.flatnonzero(pdist(landmarks, "sqeuclidean") < gates.birth_distance**2)
+        if not near.size:
+            return None
+        first, second = np.array(np.triu_indices(len(landmarks), 1))[:, near]
+        signatures, identities = self.table.signatures(self.local), self.table.identities[self.local]
+        one = alike(signatures[first], signatures[second], gates.opening, gates.orientation)
+        one &= identities[first] == identities[second]
+        for i, j in zip(first[one].tolist(), second[one].tolist(), strict=True):
             if tuple(sorted((int(self.local[i]), int(self.local[j])))) in self._seen_at_once:
                 continue
             difference = landmarks[i] - landmarks[j]
@@ -218,12 +223,6 @@ class FrontEnd:
         if dropped.any():
             self.ekf.forget(np.flatnonzero(dropped))
             self.local = self.local[~dropped]
-
-
-def transform_back(pose_world_robot: Pose, points_world: Array) -> Array:
-    """Points of the world frame, shape (n, 2), in the robot frame."""
-    c, s = math.cos(pose_world_robot[2]), math.sin(pose_world_robot[2])
-    return (points_world - pose_world_robot[:2]) @ np.array([[c, -s], [s, c]])
 
 
 def _among(indices: Indices, others: Indices) -> NDArray[np.bool_]:

@@ -1,9 +1,10 @@
 """Joint compatibility branch and bound (Neira and Tardos 2001): the largest set of pairings that hold together."""
 
 import numpy as np
-from numba import njit
+from numba import f8, i8
 from numpy.typing import NDArray
 
+from features.compiled import inner, kernel
 from features.se2 import Array
 
 Indices = NDArray[np.int64]
@@ -35,7 +36,31 @@ def joint_compatibility(
     return _search(np.append(starts, len(corners)), landmarks, innovations, cov, gates)
 
 
-@njit(cache=True, error_model="numpy")
+@inner()
+def _append(factor, white, hypothesis, pairs, candidate, innovations, cov):
+    """Append the rows of a candidate to factor and whitened innovations; return what it adds to the distance."""
+    added = 0.0
+    for axis in range(2):
+        row = 2 * pairs + axis
+        rest = innovations[candidate, axis]
+        diagonal = cov[2 * candidate + axis, 2 * candidate + axis]
+        for column in range(row):
+            of = 2 * candidate if column >= 2 * pairs else 2 * hypothesis[column // 2]
+            entry = cov[2 * candidate + axis, of + column % 2]
+            for k in range(column):
+                entry -= factor[row, k] * factor[column, k]
+            entry /= factor[column, column]
+            factor[row, column] = entry
+            diagonal -= entry * entry
+            rest -= entry * white[column]
+        # Not above zero, the root is NaN or the quotient infinite, and the hypothesis ends at its gate.
+        factor[row, row] = np.sqrt(diagonal)
+        white[row] = rest / factor[row, row]
+        added += white[row] * white[row]
+    return added
+
+
+@kernel(i8[::1], i8[:], f8[:, ::1], f8[:, ::1], f8[::1])
 def _search(starts, landmarks, innovations, cov, gates):
     """Depth first, each corner with its candidates in turn and last with none.
 
@@ -92,27 +117,3 @@ def _search(starts, landmarks, innovations, cov, gates):
             distance2_at[level] = distance2
             following[level] = starts[level]
     return best[:best_pairs].copy(), best_distance2
-
-
-@njit(cache=True, error_model="numpy")
-def _append(factor, white, hypothesis, pairs, candidate, innovations, cov):
-    """Append the rows of a candidate to factor and whitened innovations; return what it adds to the distance."""
-    added = 0.0
-    for axis in range(2):
-        row = 2 * pairs + axis
-        rest = innovations[candidate, axis]
-        diagonal = cov[2 * candidate + axis, 2 * candidate + axis]
-        for column in range(row):
-            of = 2 * candidate if column >= 2 * pairs else 2 * hypothesis[column // 2]
-            entry = cov[2 * candidate + axis, of + column % 2]
-            for k in range(column):
-                entry -= factor[row, k] * factor[column, k]
-            entry /= factor[column, column]
-            factor[row, column] = entry
-            diagonal -= entry * entry
-            rest -= entry * white[column]
-        # Not above zero, the root is NaN or the quotient infinite, and the hypothesis ends at its gate.
-        factor[row, row] = np.sqrt(diagonal)
-        white[row] = rest / factor[row, row]
-        added += white[row] * white[row]
-    return added

@@ -6,7 +6,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from features.feature import Corners
-from features.se2 import Array
+from features.se2 import Array, rotate_each
+from features.signature import Signatures
 
 Indices = NDArray[np.int64]
 
@@ -45,7 +46,7 @@ class LandmarkTable:
 
     Attributes
     ----------
-    convex : shape (n,), bool.
+    kinds : a :class:`features.signature.Kind` each, shape (n,).
     identities : by which the source knows each, -1 for none, shape (n,).
     observations : times each was seen, shape (n,).
     misses : times each should have been seen, but the beams went through its place, shape (n,).
@@ -59,7 +60,7 @@ class LandmarkTable:
 
     def __init__(self) -> None:
         self._sums: Array = np.empty((0, 3))
-        self.convex: NDArray[np.bool_] = np.empty(0, np.bool_)
+        self.kinds: Indices = np.empty(0, np.int64)
         self.identities: Indices = np.empty(0, np.int64)
         self.observations: Indices = np.empty(0, np.int64)
         self.misses: Indices = np.empty(0, np.int64)
@@ -73,15 +74,18 @@ class LandmarkTable:
     def __len__(self) -> int:
         return self.observations.size
 
-    @property
-    def opening_angles(self) -> Array:
-        """Mean opening angle of each landmark, shape (n,) [rad]."""
-        return self._sums[:, 0] / self.observations
+    def signatures(self, landmarks: Indices | None = None) -> Signatures:
+        """Kinds and mean angles of landmarks, all by default; world frame, of one at rest that of its key frame."""
+        chosen = slice(None) if landmarks is None else landmarks
+        sums, observations = self._sums[chosen], self.observations[chosen]
+        return Signatures(self.kinds[chosen], sums[:, 0] / observations, np.arctan2(sums[:, 2], sums[:, 1]))
 
-    @property
-    def orientations(self) -> Array:
-        """Mean orientation of each landmark, shape (n,) [rad]; world frame, of one at rest that of its key frame."""
-        return np.arctan2(self._sums[:, 2], self._sums[:, 1])
+    def signatures_world(self, landmarks: Indices, headings: Array) -> Signatures:
+        """Signatures of landmarks, world frame, given the headings of all key frames in it, shape (k,) [rad]."""
+        homes = self.homes[landmarks]
+        headings_before = np.where(self.key_frames[landmarks] == LOCAL, self.headings[landmarks], 0.0)
+        turns = np.where(homes == LOCAL, 0.0, headings[homes] - headings_before)
+        return self.signatures(landmarks).turned(turns)
 
     def find(self, identities: Indices) -> Indices:
         """Landmark of each identity, -1 where there is none yet."""
@@ -105,7 +109,7 @@ class LandmarkTable:
         """Append a landmark for each of the chosen corners, with its identity if it is known; return their indices."""
         first, count = len(self), len(chosen)
         self._sums = np.concatenate([self._sums, _signature(corners_robot, chosen, heading)])
-        self.convex = np.concatenate([self.convex, corners_robot.convex[chosen]])
+        self.kinds = np.concatenate([self.kinds, corners_robot.kinds[chosen]])
         known = np.full(count, -1) if identities is None else identities
         self.identities = np.concatenate([self.identities, known])
         self.observations = np.concatenate([self.observations, np.ones(count, np.int64)])
@@ -144,10 +148,7 @@ class LandmarkTable:
 
     def turn(self, landmarks: Indices, angle: Array | float) -> None:
         """Turn the orientation of landmarks, as the frame does that they are told in [rad]."""
-        c, s = np.cos(angle), np.sin(angle)
-        x, y = self._sums[landmarks, 1], self._sums[landmarks, 2]
-        self._sums[landmarks, 1] = c * x - s * y
-        self._sums[landmarks, 2] = s * x + c * y
+        self._sums[landmarks, 1:] = rotate_each(self._sums[landmarks, 1:], angle)
 
     def rebase(self, landmarks: Indices, angle: float) -> None:
         """Turn the frame of landmarks in the state [rad]."""

@@ -3,12 +3,31 @@
 import math
 
 import numpy as np
-from numba import njit
+from numba import b1, f8, i8
 
+from features.compiled import inner, kernel
+from features.se2_kernels import compound
 from slam.filter.ekf import POSE_DIM
 
 
-@njit(cache=True, error_model="numpy")
+@inner()
+def _apply(block, to, at):
+    """Product of a row of the derivative with a vector or the columns of a matrix."""
+    return block[0] * to[0] + block[1] * to[1] + block[2] * to[2] + block[3] * to[at] + block[4] * to[at + 1]
+
+
+@inner()
+def _differentiate(state, at, blocks):
+    """Landmark at a place of a state as seen from its pose; ``blocks``, shape (2, 5), becomes the derivative (M15)."""
+    c, s = math.cos(state[2]), math.sin(state[2])
+    across, along = state[at] - state[0], state[at + 1] - state[1]
+    x, y = c * across + s * along, c * along - s * across
+    blocks[0, 0], blocks[0, 1], blocks[0, 2], blocks[0, 3], blocks[0, 4] = -c, -s, y, c, s
+    blocks[1, 0], blocks[1, 1], blocks[1, 2], blocks[1, 3], blocks[1, 4] = s, -c, -x, -s, c
+    return x, y
+
+
+@kernel(f8[:, ::1], f8[:, :, ::1], i8[::1], f8[::1], f8[:, ::1])
 def move(states, covs, counts, motion, motion_cov):
     """Predict each filter, in place (eq. M13).
 
@@ -19,22 +38,17 @@ def move(states, covs, counts, motion, motion_cov):
     motion, motion_cov : shapes (3,) and (3, 3).
     """
     for h in range(len(counts)):
-        used = POSE_DIM + 2 * counts[h]
-        state, cov = states[h, :used], covs[h, :used, :used]
-        c, s = math.cos(state[2]), math.sin(state[2])
-        arm_x, arm_y = c * motion[0] - s * motion[1], s * motion[0] + c * motion[1]
-        state[0] += arm_x
-        state[1] += arm_y
-        state[2] += motion[2]
-        cov[0] -= arm_y * cov[2]
-        cov[1] += arm_x * cov[2]
-        cov[:, 0] -= arm_y * cov[:, 2]
-        cov[:, 1] += arm_x * cov[:, 2]
-        turn = np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
-        cov[:POSE_DIM, :POSE_DIM] += turn @ motion_cov @ turn.T
+        size = 2 * counts[h]
+        pose, cov = states[h, :POSE_DIM], covs[h, : POSE_DIM + size, : POSE_DIM + size]
+        crosses = cov[:POSE_DIM, POSE_DIM:].copy().reshape((1, POSE_DIM, size))
+        pose[:], cov[:POSE_DIM, :POSE_DIM], _ = compound(
+            pose, cov[:POSE_DIM, :POSE_DIM].copy(), crosses, motion, motion_cov
+        )
+        cov[:POSE_DIM, POSE_DIM:] = crosses[0]
+        cov[POSE_DIM:, :POSE_DIM] = crosses[0].T
 
 
-@njit(cache=True, error_model="numpy")
+@kernel(f8[:, ::1], f8[:, :, ::1], i8[::1], b1[:, ::1], f8[::1], f8[:, ::1], f8)
 def weigh(states, covs, counts, taken, position, position_cov, new):
     """Log-likelihood of an observation as each landmark of each filter, or as a new one (eq. M60).
 
@@ -74,7 +88,7 @@ def weigh(states, covs, counts, taken, position, position_cov, new):
     return found
 
 
-@njit(cache=True, error_model="numpy")
+@kernel(f8[:, ::1], f8[:, :, ::1], i8[::1], i8[::1], i8[::1], f8[::1], f8[:, ::1])
 def succeed(states, covs, counts, parents, landmarks, position, position_cov):
     """Update copies of ``parents``, shape (k,), with an observation of ``landmarks``, shape (k,).
 
@@ -124,20 +138,3 @@ def succeed(states, covs, counts, parents, landmarks, position, position_cov):
         cov_after[used : used + 2, used : used + 2] = 0.5 * (own + own.T)
         counts_after[k] += 1
     return states_after, covs_after, counts_after
-
-
-@njit(cache=True, error_model="numpy")
-def _apply(block, to, at):
-    """Product of a row of the derivative with a vector or the columns of a matrix."""
-    return block[0] * to[0] + block[1] * to[1] + block[2] * to[2] + block[3] * to[at] + block[4] * to[at + 1]
-
-
-@njit(cache=True, error_model="numpy")
-def _differentiate(state, at, blocks):
-    """Landmark at a place of a state as seen from its pose; ``blocks``, shape (2, 5), becomes the derivative (M15)."""
-    c, s = math.cos(state[2]), math.sin(state[2])
-    across, along = state[at] - state[0], state[at + 1] - state[1]
-    x, y = c * across + s * along, c * along - s * across
-    blocks[0, 0], blocks[0, 1], blocks[0, 2], blocks[0, 3], blocks[0, 4] = -c, -s, y, c, s
-    blocks[1, 0], blocks[1, 1], blocks[1, 2], blocks[1, 3], blocks[1, 4] = s, -c, -x, -s, c
-    return x, y

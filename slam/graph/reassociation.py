@@ -10,7 +10,7 @@ from scipy.special import chdtri
 from features.se2 import Array, Pose
 from slam.errors import DivergedError
 from slam.filter.landmark_table import LandmarkTable
-from slam.graph.journal import JournaledGraph
+from slam.graph.back_end import BackEnd
 from slam.graph.multi_hypothesis import Sighting, most_likely
 from slam.graph.values import GraphEstimate, Observations
 
@@ -27,15 +27,16 @@ two, makes two that lie by as much apart.
 
 
 def reassociate(
-    pose_world_robot: Pose, cov: Array, sightings: Sequence[Sighting], cauchy_scale: float, max_iterations: int
-) -> tuple[JournaledGraph, LandmarkTable]:
-    """Tell a graph what was seen, and of which landmarks by :func:`slam.graph.multi_hypothesis.most_likely`.
+    graph: BackEnd, pose_world_robot: Pose, cov: Array, sightings: Sequence[Sighting], max_iterations: int
+) -> tuple[BackEnd, LandmarkTable]:
+    """Build the graph of a run anew, with the associations of :func:`slam.graph.multi_hypothesis.most_likely`.
 
     Parameters
     ----------
+    graph : without key frames; it takes them.
     pose_world_robot, cov : first pose, shape (3,), and its covariance, shape (3, 3).
     sightings : from each key frame.
-    cauchy_scale, max_iterations : of the graph.
+    max_iterations : limit of a solve.
 
     Returns
     -------
@@ -43,7 +44,7 @@ def reassociate(
     """
     observations = sum(len(sighting.points_robot) for sighting in sightings)
     logger.info("weighing which landmarks the %d observations are of, by all that was seen", observations)
-    graph, table = JournaledGraph(cauchy_scale), LandmarkTable()
+    table = LandmarkTable()
     seen = most_likely(pose_world_robot, cov, sightings)
     for sighting, landmarks in zip(sightings, seen, strict=True):
         points = sighting.points_robot
@@ -72,7 +73,7 @@ def reassociate(
     return graph, table
 
 
-def _one(graph: JournaledGraph, estimate: GraphEstimate, apart: NDArray[np.bool_], variances: Array) -> Indices:
+def _one(graph: BackEnd, estimate: GraphEstimate, apart: NDArray[np.bool_], variances: Array) -> Indices:
     """Pairs of landmarks that are one, the older first, the surest; each landmark once, shape (k, 2)."""
     first, second = np.nonzero(np.triu(~apart[np.ix_(estimate.landmarks, estimate.landmarks)]))
     difference = estimate.positions_world[first] - estimate.positions_world[second]

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from features.se2 import Array
 from slam.errors import DivergedError
 from slam.filter.landmark_table import LandmarkTable
-from slam.graph.incremental import LandmarkGraph
+from slam.graph.back_end import BackEnd
 from slam.graph.values import GraphEstimate
 
 logger = logging.getLogger(__name__)
@@ -25,16 +25,16 @@ class Solution:
     estimate : poses and landmarks.
     """
 
-    graph: LandmarkGraph
+    graph: BackEnd
     table: LandmarkTable
     estimate: GraphEstimate
 
     def pose_covs(self, key_frames: NDArray[np.int64]) -> Array:
-        """Marginal covariances of key frames; see :meth:`slam.graph.incremental.LandmarkGraph.pose_covs`."""
+        """Marginal covariances of key frames; see :meth:`slam.graph.back_end.BackEnd.pose_covs`."""
         return self.graph.pose_covs(self.estimate, key_frames)
 
 
-def solve(graph: LandmarkGraph, table: LandmarkTable, max_iterations: int) -> Solution:
+def solve(graph: BackEnd, table: LandmarkTable, max_iterations: int) -> Solution:
     """Solve a graph; where it has no unique solution, what was known on the way stands, and a warning says so."""
     try:
         return Solution(graph, table, graph.optimize(max_iterations))

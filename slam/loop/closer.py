@@ -118,6 +118,7 @@ class LoopCloser:
         return recent and self._agree(compose(earlier, here), compose(correction, here))
 
     def _agree(self, one: Pose, other: Pose) -> bool:
+        """Whether two poses of one key frame agree (eq. M49)."""
         difference = between(one, other)
         return bool(
             math.hypot(difference[0], difference[1]) <= self._rules.agree_position

@@ -2,14 +2,14 @@
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from features.feature import Corners
-from features.se2 import Array, Pose, transform, wrap_angle
-from slam.evaluation.metrics import align
+from features.se2 import Array, Pose, align, transform, wrap_angle
+from features.signature import Signatures, alike
 
 SAME_DISTANCE = 0.3
 """Corners of one passage that are nearer than this, of one kind and signature, are one [m]."""
@@ -25,15 +25,11 @@ class Constellation:
     Parameters
     ----------
     positions : shape (n, 2) [m].
-    orientations : directions of the bisectors, shape (n,) [rad].
-    opening_angles : shape (n,) [rad].
-    convex : shape (n,).
+    signatures : in that frame, shape (n,).
     """
 
     positions: Array
-    orientations: Array
-    opening_angles: Array
-    convex: NDArray[np.bool_]
+    signatures: Signatures
 
     def __len__(self) -> int:
         return len(self.positions)
@@ -47,46 +43,38 @@ def gather(poses: Sequence[Pose], corners: Sequence[Corners]) -> Constellation:
     poses : of the robot, in the frame of the constellation.
     corners : seen from each pose, robot frame.
     """
-    positions = np.concatenate([transform(pose, each.positions) for pose, each in zip(poses, corners, strict=True)])
-    orientations = np.concatenate([pose[2] + each.orientations for pose, each in zip(poses, corners, strict=True)])
-    seen = Constellation(
-        positions,
-        wrap_angle(orientations),
-        np.concatenate([each.opening_angles for each in corners]),
-        np.concatenate([each.convex for each in corners]),
-    )
-    return _merged(seen)
+    placed = list(zip(poses, corners, strict=True))
+    positions = np.concatenate([transform(pose, each.positions) for pose, each in placed])
+    signatures = Signatures.concatenate([each.signatures.turned(pose[2]) for pose, each in placed])
+    return _merged(Constellation(positions, replace(signatures, orientations=wrap_angle(signatures.orientations))))
 
 
 def _merged(seen: Constellation) -> Constellation:
     """Mean of the sightings of each corner, in the order of the first ones."""
-    alike = _alike(seen, seen, SAME_DISTANCE, SAME_ANGLE)
+    same_corner = _same(seen, seen, SAME_DISTANCE)
+    openings, orientations = seen.signatures.opening_angles, seen.signatures.orientations
     left = np.ones(len(seen), np.bool_)
-    firsts, positions, orientations, openings = [], [], [], []
+    firsts: list[int] = []
+    positions, mean_openings, mean_orientations = [], [], []
     for first in range(len(seen)):
         if not left[first]:
             continue
-        same = alike[first] & left
+        same = same_corner[first] & left
         left &= ~same
         firsts.append(first)
         positions.append(seen.positions[same].mean(axis=0))
-        turns = wrap_angle(seen.orientations[same] - seen.orientations[first])
-        orientations.append(wrap_angle(float(seen.orientations[first] + turns.mean())))
-        openings.append(seen.opening_angles[same].mean())
-    return Constellation(
-        np.array(positions).reshape(-1, 2), np.array(orientations), np.array(openings), seen.convex[firsts]
-    )
+        mean_openings.append(openings[same].mean())
+        turns = wrap_angle(orientations[same] - orientations[first])
+        mean_orientations.append(wrap_angle(float(orientations[first] + turns.mean())))
+    signatures = Signatures(seen.signatures.kinds[firsts], np.array(mean_openings), np.array(mean_orientations))
+    return Constellation(np.array(positions).reshape(-1, 2), signatures)
 
 
-def _alike(one: Constellation, other: Constellation, distance: float, angle: float) -> NDArray[np.bool_]:
+def _same(one: Constellation, other: Constellation, distance: float) -> NDArray[np.bool_]:
     """Which corners of one may be which of the other, given in the same frame, shape (n, m)."""
     apart = one.positions[:, None] - other.positions
-    return (
-        (np.hypot(apart[..., 0], apart[..., 1]) <= distance)
-        & (np.abs(wrap_angle(one.orientations[:, None] - other.orientations)) <= angle)
-        & (np.abs(one.opening_angles[:, None] - other.opening_angles) <= angle)
-        & (one.convex[:, None] == other.convex)
-    )
+    near = np.hypot(apart[..., 0], apart[..., 1]) <= distance
+    return near & alike(one.signatures[:, None], other.signatures, SAME_ANGLE, SAME_ANGLE)
 
 
 def lay(here: Constellation, there: Constellation, pose_there_here: Pose, distance: float) -> tuple[Pose, int]:
@@ -104,7 +92,8 @@ def lay(here: Constellation, there: Constellation, pose_there_here: Pose, distan
     """
     count = 0
     for _ in range(2):
-        pairs = _pairs(_moved(here, pose_there_here), there, distance)
+        moved = Constellation(transform(pose_there_here, here.positions), here.signatures.turned(pose_there_here[2]))
+        pairs = _pairs(moved, there, distance)
         if len(pairs) < max(count, 2):
             break
         count = len(pairs)
@@ -112,19 +101,10 @@ def lay(here: Constellation, there: Constellation, pose_there_here: Pose, distan
     return pose_there_here, count
 
 
-def _moved(constellation: Constellation, pose: Pose) -> Constellation:
-    return Constellation(
-        transform(pose, constellation.positions),
-        constellation.orientations + pose[2],
-        constellation.opening_angles,
-        constellation.convex,
-    )
-
-
 def _pairs(one: Constellation, other: Constellation, distance: float) -> NDArray[np.int64]:
     """Corners of one and of the other that are mutually nearest among those alike, shape (k, 2)."""
     apart = np.where(
-        _alike(one, other, distance, SAME_ANGLE),
+        _same(one, other, distance),
         np.linalg.norm(one.positions[:, None] - other.positions, axis=2),
         np.inf,
     )

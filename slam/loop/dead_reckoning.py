@@ -3,7 +3,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from features.se2 import Array, Pose, compose, compose_jacobians, wrap_angle
+from features.se2 import Array, Pose, compose, compose_each, compose_jacobians, wrap_angle
 
 
 class DeadReckoning:
@@ -46,9 +46,7 @@ class DeadReckoning:
         shape (h,).
         """
         homes, here = self._poses[older], self._poses[-1]
-        c, s = np.cos(homes[:, 2]), np.sin(homes[:, 2])
-        x, y, turn = motions.T
-        slip = np.stack([homes[:, 0] + c * x - s * y, homes[:, 1] + s * x + c * y, homes[:, 2] + turn], -1) - here
+        slip = compose_each(homes, motions) - here
         slip[:, 2] = wrap_angle(slip[:, 2])
         drift = np.linalg.inv(_about_origin(here))
         _, axes = compose_jacobians(here, motions[0])

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import KDTree
 
-from features.se2 import Array, Pose, wrap_angle
+from features.se2 import Array, Pose, rotate_each, wrap_angle
 from slam.loop.constellation import SAME_ANGLE, Constellation, lay
 
 SHORTEST_PAIR = 1.0
@@ -112,13 +112,13 @@ class PlaceIndex:
         theirs = np.array([pair for each in alike for pair in each], np.int64)
         seen, known = here[mine], self._known[theirs]
         turns = wrap_angle(known[:, DIRECTION] - seen[:, DIRECTION])
-        return self._place_of[theirs], np.column_stack([known[:, :2] - _turned(seen[:, :2], turns), turns])
+        return self._place_of[theirs], np.column_stack([known[:, :2] - rotate_each(seen[:, :2], turns), turns])
 
     def _votes(self, places: NDArray[np.int64], poses: Array, corners: Array) -> NDArray[np.int64]:
         """How many hypotheses of the same place put the middle of the corners where each does, itself included."""
         if not len(places):
             return np.zeros(0, np.int64)
-        middles = poses[:, :2] + _turned(np.tile(corners.mean(axis=0), (len(poses), 1)), poses[:, 2])
+        middles = poses[:, :2] + rotate_each(np.tile(corners.mean(axis=0), (len(poses), 1)), poses[:, 2])
         chord = 2.0 * math.sin(VOTE_TURN / 2.0)
         turns = np.stack([np.cos(poses[:, 2]), np.sin(poses[:, 2])], axis=-1) / chord
         ballots = np.column_stack([FAR_APART * places, middles / VOTE_DISTANCE, turns])
@@ -144,10 +144,12 @@ def _pairs(corners: Constellation, first: NDArray[np.int64], second: NDArray[np.
     # Angles as points of a circle, where those that differ by the tolerance are one apart.
     radius = 0.5 / math.sin(SAME_ANGLE / 2.0)
     for at in (first, second):
-        bisectors = corners.orientations[at] - directions
+        signatures = corners.signatures[at]
+        bisectors = signatures.orientations - directions
         fields += [radius * np.cos(bisectors), radius * np.sin(bisectors)]
-        fields += [corners.opening_angles[at] / SAME_ANGLE, FAR_APART * corners.convex[at]]
-    return np.column_stack(fields)
+        fields += [signatures.opening_angles / SAME_ANGLE, FAR_APART * signatures.kinds]
+    # A point has no angles: it is the middle of that circle, and only its kind tells it from a corner.
+    return np.nan_to_num(np.column_stack(fields), nan=0.0)
 
 
 def _mean_of_voters(poses: Array, elected: Pose, middle: Array) -> Pose:
@@ -155,17 +157,10 @@ def _mean_of_voters(poses: Array, elected: Pose, middle: Array) -> Pose:
 
     A single pair of corners near to each other may err by more than a corner is allowed to.
     """
-    middles = poses[:, :2] + _turned(np.tile(middle, (len(poses), 1)), poses[:, 2])
-    elected_middle = elected[:2] + _turned(middle[None], elected[2:])[0]
+    middles = poses[:, :2] + rotate_each(np.tile(middle, (len(poses), 1)), poses[:, 2])
+    elected_middle = elected[:2] + rotate_each(middle[None], elected[2:])[0]
     turns = wrap_angle(poses[:, 2] - elected[2])
     voters = (np.abs(middles - elected_middle) <= VOTE_DISTANCE).all(axis=1) & (np.abs(turns) <= VOTE_TURN)
     turn = elected[2:] + turns[voters].mean()
-    x, y = middles[voters].mean(axis=0) - _turned(middle[None], turn)[0]
+    x, y = middles[voters].mean(axis=0) - rotate_each(middle[None], turn)[0]
     return np.array([x, y, wrap_angle(float(turn[0]))])
-
-
-def _turned(points: Array, turns: Array) -> Array:
-    """Points, shape (n, 2), each turned by its own angle, shape (n,)."""
-    c, s = np.cos(turns), np.sin(turns)
-    x, y = points.T
-    return np.stack([c * x - s * y, s * x + c * y], axis=-1)

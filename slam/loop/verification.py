@@ -6,7 +6,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from features.se2 import Array, Pose, between, rotation, wrap_angle
+from features.se2 import Array, Pose, between, rotate_each, rotation, wrap_angle
 from slam.graph.values import Closure
 from slam.odometry.line_map import NORMAL_X, NORMAL_Y, WALL_X, WALL_Y
 from slam.odometry.registration import Registration
@@ -28,10 +28,8 @@ def walls_world(scans: Sequence[ScanPoints], key_frames: NDArray[np.int64], pose
     each = [scans[key].walls_robot for key in key_frames]
     walls = np.concatenate(each)
     homes = poses_world_robot[np.repeat(key_frames, [len(of_one) for of_one in each])]
-    c, s = np.cos(homes[:, 2]), np.sin(homes[:, 2])
-    for x, y in ((WALL_X, WALL_Y), (NORMAL_X, NORMAL_Y)):
-        walls[:, x], walls[:, y] = c * walls[:, x] - s * walls[:, y], s * walls[:, x] + c * walls[:, y]
-    walls[:, [WALL_X, WALL_Y]] += homes[:, :2]
+    walls[:, [WALL_X, WALL_Y]] = rotate_each(walls[:, [WALL_X, WALL_Y]], homes[:, 2]) + homes[:, :2]
+    walls[:, [NORMAL_X, NORMAL_Y]] = rotate_each(walls[:, [NORMAL_X, NORMAL_Y]], homes[:, 2])
     return walls
 
 

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from features.se2 import Array
+from features.signature import Kind, Signatures
 from slam.graph.solution import Solution
 
 
@@ -21,8 +22,7 @@ class LandmarkMap:
     positions : shape (n, 2) [m].
     covs : shape (n, 2, 2) [m^2].
     observations : times each was observed, shape (n,).
-    convex : shape (n,), bool.
-    opening_angles : NaN for a point that is no corner, shape (n,) [rad].
+    signatures : of the corners or points, world frame, shape (n,).
     identities : by which the source knows each, -1 for none, shape (n,).
     """
 
@@ -30,14 +30,23 @@ class LandmarkMap:
     positions: Array
     covs: Array
     observations: NDArray[np.int64]
-    convex: NDArray[np.bool_]
-    opening_angles: Array
+    signatures: Signatures
     identities: NDArray[np.int64]
 
     @property
     def points(self) -> NDArray[np.bool_]:
         """Whether each is a point that is no corner, shape (n,)."""
-        return np.isnan(self.opening_angles)
+        return self.signatures.kinds == Kind.POINT
+
+    @property
+    def convex(self) -> NDArray[np.bool_]:
+        """Whether each is a convex corner, shape (n,)."""
+        return self.signatures.kinds == Kind.CONVEX
+
+    @property
+    def opening_angles(self) -> Array:
+        """Angles between the two walls, shape (n,); NaN for a point that is no corner [rad]."""
+        return self.signatures.opening_angles
 
     def __len__(self) -> int:
         return self.ids.size
@@ -61,7 +70,7 @@ class LandmarkMap:
                     f"{cov[0, 1]:.6e}",
                     f"{cov[1, 1]:.6e}",
                     self.observations[k],
-                    "point" if self.points[k] else "convex" if self.convex[k] else "concave",
+                    Kind(self.signatures.kinds[k]).name.lower(),
                     "" if self.points[k] else f"{np.degrees(self.opening_angles[k]):.2f}",
                     "" if self.identities[k] < 0 else self.identities[k],
                 ]
@@ -79,7 +88,6 @@ def landmark_map(solution: Solution, least_observations: int) -> LandmarkMap:
         positions=estimate.positions_world[kept],
         covs=estimate.covs[kept],
         observations=table.observations[ids],
-        convex=table.convex[ids],
-        opening_angles=table.opening_angles[ids],
+        signatures=table.signatures_world(ids, estimate.poses_world_robot[:, 2]),
         identities=table.identities[ids],
     )

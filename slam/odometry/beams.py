@@ -1,11 +1,13 @@
-"""What the beams of a scan tell of places where nothing is, and which landmarks are alike."""
+"""Which points and walls the beams of a scan have gone through."""
 
 import math
 
 import numpy as np
-from numba import njit
+from numba import f8
 from numpy.typing import NDArray
 
+from features.compiled import READ_ONLY, kernel
+from features.returns import is_return
 from features.scan import LaserScan
 from features.se2 import TWO_PI, Array, Pose
 from features.sensor import SensorModel
@@ -23,12 +25,11 @@ def seen_through(scan: LaserScan, sensor: SensorModel, points_robot: Array) -> N
     """Whether every beam next to a point ends well behind it, so that nothing is there, shape (n,)."""
     if not len(scan):
         return np.zeros(len(points_robot), np.bool_)
-    mounting = sensor.mounting
-    points = (points_robot - np.array([mounting.x, mounting.y])) @ mounting.axes
-    return _seen_through(scan.ranges, scan.angles, sensor.range_min, sensor.range_max, points)
+    points_sensor = sensor.mounting.points_to_sensor(points_robot)
+    return _seen_through(scan.ranges, scan.angles, sensor.range_min, sensor.range_max, points_sensor)
 
 
-@njit(cache=True, error_model="numpy")
+@kernel(READ_ONLY, READ_ONLY, f8, f8, f8[:, ::1])
 def _seen_through(ranges, angles, range_min, range_max, points):
     angles = angles % TWO_PI
     order = np.argsort(angles, kind="mergesort")
@@ -41,7 +42,7 @@ def _seen_through(ranges, angles, range_min, range_max, points):
         for beside in range(at - BEAMS_BESIDE, at + BEAMS_BESIDE):
             beam = beside % angles.size
             reach = ranges[order[beam]]
-            returned = reach > 0.0 and range_min <= reach <= range_max
+            returned = is_return(reach, range_min, range_max)
             # A gap in the scan, such as behind a sensor that does not look all round, shows nothing.
             off = distance * abs((angles[beam] - bearing + math.pi) % TWO_PI - math.pi)
             if not (returned and reach > distance + SEEN_THROUGH and off < SEEN_THROUGH):
@@ -64,7 +65,7 @@ def beyond_walls(scan: ScanPoints, walls: Array, pose_map_robot: Pose) -> int:
     return _beyond_walls(scan.points, mounting.x, mounting.y, walls, pose_map_robot)
 
 
-@njit(cache=True, error_model="numpy")
+@kernel(f8[:, ::1], f8, f8, f8[:, ::1], f8[::1])
 def _beyond_walls(points, origin_x, origin_y, walls, pose):
     n = len(points)
     directions = directions_of(points, origin_x, origin_y)
@@ -90,32 +91,3 @@ def _beyond_walls(points, origin_x, origin_y, walls, pose):
             on[i] |= abs(before) < 0.5 * SEEN_THROUGH
             beyond[i] |= before < -SEEN_THROUGH
     return (beyond & ~on).sum()
-
-
-@njit(cache=True, error_model="numpy")
-def similar_pairs(positions, convex, opening_angles, orientations, distance, opening, orientation):
-    """Pairs of landmarks of the same kind, near each other and alike by their angles, shape (p, 2), rising.
-
-    Parameters
-    ----------
-    positions : shape (n, 2) [m].
-    convex, opening_angles, orientations : shape (n,) [rad]; NaN where a landmark has no angle.
-    distance, opening, orientation : by how much less than this two of them differ [m, rad, rad].
-    """
-    pairs = []
-    for i in range(len(positions)):
-        for j in range(i + 1, len(positions)):
-            x = positions[i, 0] - positions[j, 0]
-            y = positions[i, 1] - positions[j, 1]
-            if (
-                x * x + y * y < distance * distance
-                and convex[i] == convex[j]
-                # Written so that NaN, of a landmark without angles, is like any.
-                and not abs(opening_angles[i] - opening_angles[j]) >= opening
-                and not abs((orientations[i] - orientations[j] + math.pi) % TWO_PI - math.pi) >= orientation
-            ):
-                pairs.append((i, j))
-    found = np.empty((len(pairs), 2), np.int64)
-    for k in range(len(pairs)):
-        found[k] = pairs[k]
-    return found

@@ -3,9 +3,11 @@
 import math
 
 import numpy as np
-from numba import njit
+from numba import f8
 
+from features.compiled import kernel
 from features.se2 import Array, Pose, between, wrap_angle
+from features.se2_kernels import compound
 
 
 class DriftingPose:
@@ -39,7 +41,7 @@ class DriftingPose:
 
     def move(self, motion: Pose, motion_cov: Array) -> None:
         """Append a motion, a pose in the robot's frame before it, with the covariance of its coordinates (eq. M11)."""
-        self.pose, self.cov, self.finite = move(self.pose, self.cov, self._crosses, motion, motion_cov)
+        self.pose, self.cov, self.finite = compound(self.pose, self.cov, self._crosses, motion, motion_cov)
 
     def doubt(self, slip: Array) -> None:
         """Allow for a slip since the anchors, shape (3,), that nothing foresaw, as large as it turned out (eq. M32)."""
@@ -113,41 +115,7 @@ class Anchor:
         return travel >= distance or turn >= angle
 
 
-@njit(cache=True, error_model="numpy")
-def move(pose, cov, crosses, motion, motion_cov):
-    """Pose and covariance after a motion, and whether they are finite; crosses are changed in place.
-
-    Parameters
-    ----------
-    pose, cov : of the robot, shapes (3,) and (3, 3).
-    crosses : covariances of the pose with whatever stands still, shape (k, 3, m).
-    motion, motion_cov : a pose in the robot's frame before it, and the covariance of its coordinates.
-    """
-    c = math.cos(pose[2])
-    s = math.sin(pose[2])
-    arm_x = c * motion[0] - s * motion[1]
-    arm_y = s * motion[0] + c * motion[1]
-    heading = (pose[2] + motion[2] + math.pi) % (2.0 * math.pi) - math.pi
-    moved = np.array([pose[0] + arm_x, pose[1] + arm_y, heading])
-    # The Jacobian by the pose is the identity but for the arm, that by the motion a rotation.
-    for cross in crosses:
-        cross[0] -= arm_y * cross[2]
-        cross[1] += arm_x * cross[2]
-    after = cov.copy()
-    after[0] -= arm_y * after[2]
-    after[1] += arm_x * after[2]
-    after[:, 0] -= arm_y * after[:, 2]
-    after[:, 1] += arm_x * after[:, 2]
-    turn = np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
-    for i in range(3):
-        for j in range(3):
-            for k in range(3):
-                for m in range(3):
-                    after[i, j] += turn[i, k] * motion_cov[k, m] * turn[j, m]
-    return moved, after, np.isfinite(moved).all() and np.isfinite(after).all()
-
-
-@njit(cache=True, error_model="numpy")
+@kernel(f8[:, ::1], f8[:, ::1], f8[:, :, ::1], f8[:, :, ::1], f8[:, ::1], f8[::1])
 def _correct(cov, poses, covs, crosses, information, pull):
     """Change of the pose, and its covariance, by a scan; what belongs to the anchors is changed in place."""
     shrink = np.linalg.inv(np.eye(3) + cov @ information)
@@ -164,7 +132,7 @@ def _correct(cov, poses, covs, crosses, information, pull):
     return change, 0.5 * (after + after.T)
 
 
-@njit(cache=True, error_model="numpy")
+@kernel(f8[::1], f8[::1], f8[:, ::1], f8[:, ::1], f8[:, ::1])
 def _motion_cov(pose_then, pose_now, cov_then, cov_now, cross):
     c = math.cos(pose_then[2])
     s = math.sin(pose_then[2])

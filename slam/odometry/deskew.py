@@ -6,7 +6,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from features.scan import LaserScan
-from features.se2 import Array, Pose, wrap_angle
+from features.se2 import Array, Pose, rotate_each, wrap_angle
 from features.sensor import SensorModel
 
 
@@ -24,15 +24,14 @@ def deskew(scan: LaserScan, model: SensorModel, pose_world_robot: Pose, poses_wo
     -------
     The scan as taken at once from ``pose_world_robot``, without times.
     """
-    axes, lever = model.mounting.axes, np.array([model.mounting.x, model.mounting.y])
-    returned = (scan.ranges > 0.0) & (scan.ranges >= model.range_min) & (scan.ranges <= model.range_max)
+    returned = model.returned(scan.ranges)
     ranges = np.where(returned, scan.ranges, 0.0)
     points_sensor = ranges[:, None] * np.column_stack([np.cos(scan.angles), np.sin(scan.angles)])
-    points_robot = points_sensor @ axes.T + lever
-    points_world = _turn(points_robot, poses_world_robot[:, 2]) + poses_world_robot[:, :2]
-    back = np.full(len(scan), -pose_world_robot[2])
-    moved = (_turn(points_world - pose_world_robot[:2], back) - lever) @ axes
-    turns = np.linalg.det(axes) * wrap_angle(poses_world_robot[:, 2] - pose_world_robot[2])
+    points_robot = model.mounting.points_to_robot(points_sensor)
+    points_world = rotate_each(points_robot, poses_world_robot[:, 2]) + poses_world_robot[:, :2]
+    moved_robot = rotate_each(points_world - pose_world_robot[:2], -pose_world_robot[2])
+    moved = model.mounting.points_to_sensor(moved_robot)
+    turns = np.linalg.det(model.mounting.axes) * wrap_angle(poses_world_robot[:, 2] - pose_world_robot[2])
     # The same turn of the sensor as before, so that beams of one sweep stay in order.
     seen_turns = wrap_angle(np.arctan2(moved[:, 1], moved[:, 0]) - scan.angles)
     return LaserScan(
@@ -72,9 +71,3 @@ def deskew_by_odometry(
         velocity = (poses[-1] - poses[before]) / (recent[-1] - recent[before])
         beams += np.maximum(times - recent[-1], 0.0)[:, None] * velocity
     return deskew(scan, model, poses[-1], beams)
-
-
-def _turn(points: Array, angles: Array) -> Array:
-    """Points, shape (n, 2) [m], each turned by an angle of its own, shape (n,) [rad]."""
-    c, s = np.cos(angles), np.sin(angles)
-    return np.column_stack([c * points[:, 0] - s * points[:, 1], s * points[:, 0] + c * points[:, 1]])

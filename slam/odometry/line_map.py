@@ -4,8 +4,9 @@ import math
 from collections import deque
 
 import numpy as np
-from numba import njit
+from numba import f8, i8
 
+from features.compiled import kernel
 from features.feature import LineForm, Lines
 from features.se2 import Array, Pose, rotation, transform
 from features.sensor import Mounting
@@ -54,7 +55,7 @@ def walls_of_lines(lines: Lines, mounting: Mounting) -> Array:
     return walls
 
 
-@njit(cache=True, error_model="numpy")
+@kernel(i8[:], f8[:, :], f8[:], f8[:, :, :], f8[:, :, :], f8[:, ::1], f8[::1], f8[:, ::1])
 def _walls_kernel(forms, params, centers, covs, ends, axes, origin, walls):
     for k in range(forms.size):
         along_x = ends[k, 1, 0] - ends[k, 0, 0]

@@ -3,8 +3,9 @@
 import math
 
 import numpy as np
-from numba import njit
+from numba import f8, i8
 
+from features.compiled import inner, kernel
 from slam.odometry.line_map import CENTER, LENGTH, NORMAL_X, NORMAL_Y, VAR_ANGLE, VAR_OFFSET, WALL_X, WALL_Y
 from slam.odometry.scan_points import behind, directions_of
 
@@ -21,7 +22,7 @@ WEIGHT, JACOBIAN_X, JACOBIAN_Y, JACOBIAN_TURN, RESIDUAL, CERTAINTY = range(6)
 """Sums over the walls behind a beam."""
 
 
-@njit(cache=True, error_model="numpy")
+@inner()
 def _take_off_feigned(information, pull, crookedness2):
     """Take off what walls of slightly different directions feign to know of the position along them (eq. M30)."""
     if information[2, 2] <= 0.0:
@@ -50,50 +51,7 @@ def _take_off_feigned(information, pull, crookedness2):
     information[1, 1] -= feigned * weak_y * weak_y
 
 
-@njit(cache=True, error_model="numpy", fastmath=SUMS)
-def register_kernel(
-    points, ranges, lines, normals, walls_robot, origin_x, origin_y, var_range, var_bearing, walls, prior,
-    prior_cov, start, gate, final_gate, reach, var_scatter, var_rough, kernel2, cos_turn, crookedness2,
-    step_limit2, max_iterations,
-):  # fmt: skip
-    """Fit a scan to walls; return pose, information, pull and the number of points on a wall (eq. M27-M31)."""
-    n = ranges.size
-    directions = directions_of(points, origin_x, origin_y)
-    turned = np.empty((n, 4))
-    beams = np.empty((n, 6))
-    knowledge = np.empty((len(walls_robot), 3))
-    sums = np.empty((len(walls_robot), 8))
-    information = np.empty((3, 3))
-    gradient = np.empty(3)
-    pose = start.copy()
-    pull = np.zeros(3)
-    inliers = 0
-    for _ in range(max_iterations):
-        last = gate <= final_gate
-        # A wide gate takes in what a good start would not: the wider it is, the less a residual says.
-        spread = 0.0 if last else gate * gate / 16.0
-        _lay_walls(
-            points, directions, lines, normals, origin_x, origin_y, walls, pose, gate, reach,
-            max(var_scatter, spread), cos_turn, turned, beams, knowledge,
-        )  # fmt: skip
-        inliers = _accumulate(
-            points, ranges, lines, origin_x, origin_y, beams, knowledge, pose[2], var_range, var_bearing, var_rough,
-            spread, kernel2, sums, information, gradient,
-        )  # fmt: skip
-        offset = pose - prior
-        offset[2] = (offset[2] + math.pi) % (2.0 * math.pi) - math.pi
-        pull = information @ offset - gradient
-        _take_off_feigned(information, pull, crookedness2)
-        moved = np.linalg.solve(np.eye(3) + prior_cov @ information, prior_cov @ pull)
-        step = moved - offset
-        pose = prior + moved
-        if last and step @ information @ step < step_limit2:
-            break
-        gate = max(final_gate, 0.6 * gate)
-    return pose, information, pull, inliers
-
-
-@njit(cache=True, error_model="numpy", fastmath=SUMS, forceinline=True)
+@inner(fastmath=SUMS, forceinline=True)
 def _lay_walls(
     points, directions, lines, normals, origin_x, origin_y, walls, pose, gate, reach, var_scatter, cos_turn, turned,
     beams, knowledge,
@@ -157,7 +115,7 @@ def _lay_walls(
                 beams[i, CERTAINTY] += robust / variance
 
 
-@njit(cache=True, error_model="numpy", fastmath=SUMS, forceinline=True)
+@inner(fastmath=SUMS, forceinline=True)
 def _accumulate(
     points, ranges, lines, origin_x, origin_y, beams, knowledge, heading, var_range, var_bearing, var_rough, spread,
     kernel2, sums, information, gradient,
@@ -241,7 +199,7 @@ def _accumulate(
     return inliers
 
 
-@njit(cache=True, error_model="numpy")
+@inner()
 def _add(information, gradient, by_x, by_y, by_turn, weight, residual):
     information[0, 0] += weight * by_x * by_x
     information[0, 1] += weight * by_x * by_y
@@ -252,3 +210,50 @@ def _add(information, gradient, by_x, by_y, by_turn, weight, residual):
     gradient[0] += weight * by_x * residual
     gradient[1] += weight * by_y * residual
     gradient[2] += weight * by_turn * residual
+
+
+@kernel(
+    f8[:, ::1], f8[::1], i8[::1], f8[:, ::1], f8[:, ::1], f8, f8, f8, f8, f8[:, ::1], f8[::1],
+    f8[:, ::1], f8[::1], f8, f8, f8, f8, f8, f8, f8, f8,
+    f8, i8, fastmath=SUMS,
+)  # fmt: skip
+def register_kernel(
+    points, ranges, lines, normals, walls_robot, origin_x, origin_y, var_range, var_bearing, walls, prior,
+    prior_cov, start, gate, final_gate, reach, var_scatter, var_rough, kernel2, cos_turn, crookedness2,
+    step_limit2, max_iterations,
+):  # fmt: skip
+    """Fit a scan to walls; return pose, information, pull and the number of points on a wall (eq. M27-M31)."""
+    n = ranges.size
+    directions = directions_of(points, origin_x, origin_y)
+    turned = np.empty((n, 4))
+    beams = np.empty((n, 6))
+    knowledge = np.empty((len(walls_robot), 3))
+    sums = np.empty((len(walls_robot), 8))
+    information = np.empty((3, 3))
+    gradient = np.empty(3)
+    pose = start.copy()
+    pull = np.zeros(3)
+    inliers = 0
+    for _ in range(max_iterations):
+        last = gate <= final_gate
+        # A wide gate takes in what a good start would not: the wider it is, the less a residual says.
+        spread = 0.0 if last else gate * gate / 16.0
+        _lay_walls(
+            points, directions, lines, normals, origin_x, origin_y, walls, pose, gate, reach,
+            max(var_scatter, spread), cos_turn, turned, beams, knowledge,
+        )  # fmt: skip
+        inliers = _accumulate(
+            points, ranges, lines, origin_x, origin_y, beams, knowledge, pose[2], var_range, var_bearing, var_rough,
+            spread, kernel2, sums, information, gradient,
+        )  # fmt: skip
+        offset = pose - prior
+        offset[2] = (offset[2] + math.pi) % (2.0 * math.pi) - math.pi
+        pull = information @ offset - gradient
+        _take_off_feigned(information, pull, crookedness2)
+        moved = np.linalg.solve(np.eye(3) + prior_cov @ information, prior_cov @ pull)
+        step = moved - offset
+        pose = prior + moved
+        if last and step @ information @ step < step_limit2:
+            break
+        gate = max(final_gate, 0.6 * gate)
+    return pose, information, pull, inliers

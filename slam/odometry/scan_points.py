@@ -4,9 +4,11 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numba import njit
+from numba import f8
 from numpy.typing import NDArray
 
+from features.compiled import READ_ONLY, inner, kernel
+from features.returns import is_return
 from features.scan import LaserScan
 from features.se2 import TWO_PI, Array
 from features.sensor import SensorModel
@@ -68,11 +70,96 @@ def scan_points(scan: LaserScan, walls_robot: Array, sensor: SensorModel, distan
     return ScanPoints(points, ranges, bearings, lines, normals, walls_robot, sensor)
 
 
-@njit(cache=True, error_model="numpy")
+@inner()
+def _normals(points, lines, walls_robot, origin_x, origin_y):
+    n = len(points)
+    normals = np.full((n, 2), np.nan)
+    for i in range(n):
+        if lines[i] >= 0:
+            normals[i, 0] = walls_robot[lines[i], NORMAL_X]
+            normals[i, 1] = walls_robot[lines[i], NORMAL_Y]
+            continue
+        # As far along the surface as it goes on, for the noise to matter little.
+        first = last = i
+        while first > 0 and _near(points, first, first - 1, SAME_SURFACE) and _near(points, i, first, BESIDE):
+            first -= 1
+        while last < n - 1 and _near(points, last, last + 1, SAME_SURFACE) and _near(points, i, last, BESIDE):
+            last += 1
+        x = points[last, 0] - points[first, 0]
+        y = points[last, 1] - points[first, 1]
+        length = math.hypot(x, y)
+        if length < LEAST_LENGTH:
+            continue
+        sense = 1.0 if (points[i, 0] - origin_x) * y - (points[i, 1] - origin_y) * x < 0.0 else -1.0
+        normals[i, 0] = sense * y / length
+        normals[i, 1] = -sense * x / length
+    return normals
+
+
+@inner()
+def _near(points, i, j, distance):
+    return math.hypot(points[i, 0] - points[j, 0], points[i, 1] - points[j, 1]) <= distance
+
+
+@inner()
+def directions_of(points, origin_x, origin_y):
+    """Directions of points from an origin, as :func:`_direction` has them, shape (n,)."""
+    directions = np.empty(len(points))
+    for i in range(len(points)):
+        directions[i] = _direction(points[i, 0] - origin_x, points[i, 1] - origin_y)
+    return directions
+
+
+@inner()
+def behind(directions, arm_x, arm_y, normal_x, normal_y, half, c, s):
+    """Beams that meet a wall: first, and behind the last, counted on beyond n where they cross the end of the scan.
+
+    Parameters
+    ----------
+    directions : of the beams, rising, by :func:`directions_of`, shape (n,).
+    arm_x, arm_y : from the sensor to the middle of the wall [m].
+    normal_x, normal_y : normal of the wall, towards the sensor.
+    half : half the length of the wall [m].
+    c, s : cosine and sine of the heading from which the beams count, in the frame of the wall.
+    """
+    # Seen from its front a wall runs counter-clockwise along its normal turned by a quarter to the right.
+    along_x, along_y = -half * normal_y, half * normal_x
+    x, y = arm_x + along_x, arm_y + along_y
+    first = _direction(c * x + s * y, c * y - s * x)
+    x, y = arm_x - along_x, arm_y - along_y
+    last = _direction(c * x + s * y, c * y - s * x)
+    begin, end = _place(directions, first, False), _place(directions, last, True)
+    return (begin, end) if first <= last else (begin, end + directions.size)
+
+
+@inner()
+def _direction(x, y):
+    """Return what grows from -2 to 2 as the direction of a vector does from -pi to pi; an arc tangent takes longer."""
+    quarter = y / (abs(x) + abs(y))
+    if x >= 0.0:
+        return quarter
+    return 2.0 - quarter if y > 0.0 else -2.0 - quarter
+
+
+@inner()
+def _place(directions, direction, after_equal):
+    """Where a direction belongs among rising ones; np.searchsorted takes several times as long."""
+    place = 0
+    left = directions.size
+    while left > 0:
+        half = left >> 1
+        middle = directions[place + half]
+        before = (middle < direction) | (after_equal & (middle == direction))
+        place = place + half + 1 if before else place
+        left = left - half - 1 if before else half
+    return place
+
+
+@kernel(READ_ONLY, READ_ONLY, f8, f8, f8, f8, f8, f8, f8[:, ::1], f8)
 def _points_kernel(
     scan_ranges, scan_angles, range_min, range_max, origin_x, origin_y, yaw, sense, walls_robot, distance
 ):  # fmt: skip
-    kept = (scan_ranges > 0.0) & (scan_ranges >= range_min) & (scan_ranges <= range_max)
+    kept = is_return(scan_ranges, range_min, range_max)
     ranges = scan_ranges[kept]
     bearings = (yaw + sense * scan_angles[kept] + math.pi) % TWO_PI - math.pi
     for i in range(1, ranges.size):
@@ -101,88 +188,3 @@ def _points_kernel(
             if abs(residual) <= distance:
                 lines[i] = k
     return points, ranges, bearings, lines, _normals(points, lines, walls_robot, origin_x, origin_y)
-
-
-@njit(cache=True, error_model="numpy")
-def _normals(points, lines, walls_robot, origin_x, origin_y):
-    n = len(points)
-    normals = np.full((n, 2), np.nan)
-    for i in range(n):
-        if lines[i] >= 0:
-            normals[i, 0] = walls_robot[lines[i], NORMAL_X]
-            normals[i, 1] = walls_robot[lines[i], NORMAL_Y]
-            continue
-        # As far along the surface as it goes on, for the noise to matter little.
-        first = last = i
-        while first > 0 and _near(points, first, first - 1, SAME_SURFACE) and _near(points, i, first, BESIDE):
-            first -= 1
-        while last < n - 1 and _near(points, last, last + 1, SAME_SURFACE) and _near(points, i, last, BESIDE):
-            last += 1
-        x = points[last, 0] - points[first, 0]
-        y = points[last, 1] - points[first, 1]
-        length = math.hypot(x, y)
-        if length < LEAST_LENGTH:
-            continue
-        sense = 1.0 if (points[i, 0] - origin_x) * y - (points[i, 1] - origin_y) * x < 0.0 else -1.0
-        normals[i, 0] = sense * y / length
-        normals[i, 1] = -sense * x / length
-    return normals
-
-
-@njit(cache=True, error_model="numpy")
-def _near(points, i, j, distance):
-    return math.hypot(points[i, 0] - points[j, 0], points[i, 1] - points[j, 1]) <= distance
-
-
-@njit(cache=True, error_model="numpy")
-def directions_of(points, origin_x, origin_y):
-    """Directions of points from an origin, as :func:`_direction` has them, shape (n,)."""
-    directions = np.empty(len(points))
-    for i in range(len(points)):
-        directions[i] = _direction(points[i, 0] - origin_x, points[i, 1] - origin_y)
-    return directions
-
-
-@njit(cache=True, error_model="numpy")
-def behind(directions, arm_x, arm_y, normal_x, normal_y, half, c, s):
-    """Beams that meet a wall: first, and behind the last, counted on beyond n where they cross the end of the scan.
-
-    Parameters
-    ----------
-    directions : of the beams, rising, by :func:`directions_of`, shape (n,).
-    arm_x, arm_y : from the sensor to the middle of the wall [m].
-    normal_x, normal_y : normal of the wall, towards the sensor.
-    half : half the length of the wall [m].
-    c, s : cosine and sine of the heading from which the beams count, in the frame of the wall.
-    """
-    # Seen from its front a wall runs counter-clockwise along its normal turned by a quarter to the right.
-    along_x, along_y = -half * normal_y, half * normal_x
-    x, y = arm_x + along_x, arm_y + along_y
-    first = _direction(c * x + s * y, c * y - s * x)
-    x, y = arm_x - along_x, arm_y - along_y
-    last = _direction(c * x + s * y, c * y - s * x)
-    begin, end = _place(directions, first, False), _place(directions, last, True)
-    return (begin, end) if first <= last else (begin, end + directions.size)
-
-
-@njit(cache=True, error_model="numpy")
-def _direction(x, y):
-    """Return what grows from -2 to 2 as the direction of a vector does from -pi to pi; an arc tangent takes longer."""
-    quarter = y / (abs(x) + abs(y))
-    if x >= 0.0:
-        return quarter
-    return 2.0 - quarter if y > 0.0 else -2.0 - quarter
-
-
-@njit(cache=True, error_model="numpy")
-def _place(directions, direction, after_equal):
-    """Where a direction belongs among rising ones; np.searchsorted takes several times as long."""
-    place = 0
-    left = directions.size
-    while left > 0:
-        half = left >> 1
-        middle = directions[place + half]
-        before = (middle < direction) | (after_equal & (middle == direction))
-        place = place + half + 1 if before else place
-        left = left - half - 1 if before else half
-    return place

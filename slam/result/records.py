@@ -59,6 +59,10 @@ class Records:
         self.poses_odom.append(pose_odom_robot)
         self.poses_map.append(pose_map_robot)
 
+    def correct(self, pose_map_robot: Pose) -> None:
+        """Replace the pose of the latest record by odometry, now that its scan has corrected it."""
+        self.poses_map[-1] = pose_map_robot
+
     def add_scan(self, pose_world_robot: Pose) -> None:
         """Note that the latest record had a scan, and the pose of the filter after it."""
         self._scans.append(len(self.stamps) - 1)

@@ -3,7 +3,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from features.se2 import Array, wrap_angle
+from features.se2 import Array, compose_each, wrap_angle
 
 
 def carry_corrections(poses_odom: Array, anchors: NDArray[np.int64], poses_anchor: Array) -> Array:
@@ -44,9 +44,7 @@ def carry_corrections(poses_odom: Array, anchors: NDArray[np.int64], poses_ancho
 
 
 def _carry(poses_odom: Array, anchors: NDArray[np.int64], poses_anchor: Array) -> Array:
-    turn = poses_anchor[:, 2] - poses_odom[anchors, 2]
-    c, s = np.cos(turn), np.sin(turn)
-    arm = poses_odom[:, :2] - poses_odom[anchors, :2]
-    x = poses_anchor[:, 0] + c * arm[:, 0] - s * arm[:, 1]
-    y = poses_anchor[:, 1] + s * arm[:, 0] + c * arm[:, 1]
-    return np.stack([x, y, wrap_angle(poses_odom[:, 2] + turn)], axis=-1)
+    """Rotate odometry about the position of each record's anchor, so that the anchor lies where it is corrected to."""
+    turns = poses_anchor[:, 2] - poses_odom[anchors, 2]
+    arms = poses_odom[:, :2] - poses_odom[anchors, :2]
+    return compose_each(np.column_stack([poses_anchor[:, :2], turns]), np.column_stack([arms, poses_odom[:, 2]]))

@@ -3,7 +3,8 @@
 import csv
 import json
 import math
-from collections.abc import Mapping, Sequence
+import re
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -98,3 +99,33 @@ def _known(value: Any) -> Any:
     if isinstance(value, float):
         return float(f"{value:.6g}") if math.isfinite(value) else None
     return value
+
+
+def write_picture(draw: Callable[..., None], path: Path, *arguments: object) -> None:
+    """Write a picture by a function of :mod:`slam.pictures`.
+
+    Raises
+    ------
+    RunFolderError
+        The file cannot be written.
+    """
+    try:
+        draw(path, *arguments)
+    except OSError as error:
+        raise RunFolderError(f"{path}: cannot be written: {error.strerror or error}") from None
+
+
+def fill(text: str, blocks: Mapping[str, str]) -> str:
+    """Put each block between its marks ``<!-- name -->`` and ``<!-- end -->``.
+
+    Raises
+    ------
+    RunFolderError
+        A mark is missing.
+    """
+    for name, block in blocks.items():
+        pattern = re.compile(rf"(<!-- {re.escape(name)} -->\n).*?(<!-- end -->)", re.DOTALL)
+        if not pattern.search(text):
+            raise RunFolderError(f"the page has no place for {name!r}: expected <!-- {name} --> ... <!-- end -->")
+        text = pattern.sub(lambda match, block=block: f"{match[1]}{block}\n{match[2]}", text)
+    return text

@@ -11,7 +11,7 @@ from hypothesis.extra.numpy import arrays
 from laws import law
 from scenes import FULL_TURN, HALF_TURN, free_pose, noisy_scan, sorted_corners
 
-from features import Corners, ExtractionConfig, Features, LaserScan, extract, sensor_preset
+from features import Corners, ExtractionConfig, Features, LaserScan, Signatures, extract, sensor_preset
 from features.se2 import rotation
 from sim import room
 
@@ -40,12 +40,11 @@ def assert_same_corners(found: Corners, expected: Corners):
 def moved(corners: Corners, axes):
     """Corners in a frame that is turned, or mirrored, by a matrix."""
     bisectors = np.column_stack([np.cos(corners.orientations), np.sin(corners.orientations)]) @ axes.T
+    orientations = np.arctan2(bisectors[:, 1], bisectors[:, 0])
     return Corners.of(
         positions=corners.positions @ axes.T,
         covs=axes @ corners.covs @ axes.T,
-        opening_angles=corners.opening_angles,
-        orientations=np.arctan2(bisectors[:, 1], bisectors[:, 0]),
-        convex=corners.convex,
+        signatures=Signatures(corners.kinds, corners.opening_angles, orientations),
     )
 
 

@@ -7,7 +7,7 @@ import pytest
 from finite_difference import finite_difference
 from scenes import exact_scan, square
 
-from features import Corners, LineForm, Mounting, extract, sensor_preset
+from features import Corners, LineForm, Mounting, Signatures, extract, sensor_preset
 
 MOUNTINGS = [
     Mounting(),
@@ -43,7 +43,7 @@ def test_signatures_are_carried(features, mounting):
     for before, after in zip(corners, moved, strict=True):
         turned = mounting.direction_to_robot(before.orientation)
         assert math.cos(after.orientation - turned) == pytest.approx(1.0)
-        assert (after.opening_angle, after.convex) == (before.opening_angle, before.convex)
+        assert (after.opening_angle, after.kind) == (before.opening_angle, before.kind)
 
 
 def test_a_list_of_lines_gives_lines(features):
@@ -65,7 +65,7 @@ def test_a_list_of_corners_gives_corners(features):
         np.testing.assert_array_equal(each.position, corners.positions[k])
         np.testing.assert_array_equal(each.cov, corners.covs[k])
         assert (each.opening_angle, each.orientation) == (corners.opening_angles[k], corners.orientations[k])
-        assert each.convex == corners.convex[k]
+        assert (each.kind, each.convex) == (corners.kinds[k], corners.convex[k])
 
 
 def test_an_index_past_the_end_is_refused(features):
@@ -76,7 +76,7 @@ def test_an_index_past_the_end_is_refused(features):
 
 
 def test_no_corners_stay_no_corners_on_the_robot():
-    none = Corners.of(np.empty((0, 2)), np.empty((0, 2, 2)), np.empty(0), np.empty(0), np.empty(0, bool))
+    none = Corners.of(np.empty((0, 2)), np.empty((0, 2, 2)), Signatures.of_points(0))
     moved = none.to_robot(MOUNTINGS[-1])
     assert len(moved) == 0
     assert moved.covs.shape == (0, 2, 2)

@@ -8,7 +8,21 @@ from hypothesis import example, given
 from hypothesis import strategies as st
 from laws import law
 
-from features.se2 import between, compose, compose_jacobians, inverse, pose, rotation, transform, wrap_angle
+from features.se2 import (
+    align,
+    between,
+    compose,
+    compose_each,
+    compose_jacobians,
+    inverse,
+    pose,
+    rotate_each,
+    rotation,
+    transform,
+    transform_inverse,
+    wrap_angle,
+)
+from features.se2_kernels import compound
 
 COORDINATES = st.floats(-100.0, 100.0)
 HEADINGS = st.one_of(
@@ -77,6 +91,61 @@ def test_transform_moves_one_point_as_it_moves_many(a, point):
 @given(POSES, POINTS)
 def test_transform_agrees_with_the_translation_of_a_composition(a, point):
     np.testing.assert_allclose(transform(a, point), compose(a, pose(*point))[:2], atol=ROUNDING)
+
+
+@law
+@given(POSES, POINTS)
+def test_the_inverse_transform_takes_a_point_back(a, point):
+    np.testing.assert_allclose(transform_inverse(a, transform(a, point)), point, atol=ROUNDING)
+    np.testing.assert_allclose(transform_inverse(a, point), transform(inverse(a), point), atol=ROUNDING)
+
+
+@law
+@given(st.lists(st.tuples(HEADINGS, POINTS), min_size=1, max_size=4))
+def test_each_point_is_rotated_by_its_own_angle(rows):
+    angles, points = np.array([angle for angle, _ in rows]), np.array([point for _, point in rows])
+    expected = [rotation(angle) @ point for angle, point in rows]
+    np.testing.assert_allclose(rotate_each(points, angles), expected, atol=ROUNDING)
+    np.testing.assert_allclose(rotate_each(points, angles[0]), points @ rotation(angles[0]).T, atol=ROUNDING)
+
+
+@law
+@given(st.lists(st.tuples(POSES, POSES), min_size=1, max_size=4))
+def test_poses_are_composed_row_by_row(pairs):
+    first, second = np.array(pairs).transpose(1, 0, 2)
+    for composed, (a, b) in zip(compose_each(first, second), pairs, strict=True):
+        assert_same_pose(composed, compose(a, b))
+
+
+@law
+@given(st.integers(0, 2**32 - 1), POSES)
+def test_no_other_alignment_is_better(seed, other):
+    rng = np.random.default_rng(seed)
+    truth, estimate = rng.normal(0.0, 3.0, (2, 6, 2))
+
+    def cost(pose_truth_estimate):
+        return np.sum((transform(pose_truth_estimate, estimate) - truth) ** 2)
+
+    best = align(truth, estimate)
+    assert cost(best) <= cost(compose(best, 1e-3 * other)) + 1e-12
+    assert cost(best) <= cost(other) + 1e-12
+
+
+@law
+@given(st.integers(0, 2**32 - 1), POSES, POSES)
+def test_an_uncertain_pose_is_compounded_by_the_jacobians_of_the_composition(seed, a, motion):
+    """Of the pose jointly with a landmark that stands still: its covariance, and that with the landmark."""
+    rng = np.random.default_rng(seed)
+    root, motion_root = rng.normal(0.0, 0.1, (5, 5)), rng.normal(0.0, 0.1, (3, 3))
+    joint, motion_cov = root @ root.T, motion_root @ motion_root.T
+    by_pose, by_motion = compose_jacobians(a, motion)
+    crosses = joint[None, :3, 3:].copy()
+    moved, cov, finite = compound(a, joint[:3, :3].copy(), crosses, motion, motion_cov)
+    assert finite
+    assert_same_pose(moved, compose(a, motion))
+    expected = by_pose @ joint[:3, :3] @ by_pose.T + by_motion @ motion_cov @ by_motion.T
+    np.testing.assert_allclose(cov, expected, rtol=1e-9, atol=1e-9)
+    np.testing.assert_allclose(crosses[0], by_pose @ joint[:3, 3:], rtol=1e-9, atol=1e-9)
 
 
 @law

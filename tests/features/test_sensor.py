@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 from laws import law
 
 from features import SENSOR_PRESETS, Mounting, SensorModel, sensor_preset
+from features.returns import is_return
 from features.se2 import transform, wrap_angle
 
 GOOD = {"sigma_range": 0.02, "sigma_bearing": 0.002, "range_min": 0.1, "range_max": 40.0}
@@ -42,6 +43,17 @@ def test_limits_may_start_at_zero_and_have_no_end():
     assert model.mounting == Mounting()
 
 
+@law
+@given(st.floats(0.0, 1.0), st.floats(1.5, 40.0), st.lists(st.floats(0.0, 50.0) | st.just(math.inf), min_size=1))
+def test_a_return_is_positive_and_within_the_limits_compiled_or_not(low, high, ranges):
+    model = SensorModel(**{**GOOD, "range_min": low, "range_max": high})
+    measured = np.array([*ranges, 0.0, low, high, math.nextafter(high, math.inf), math.nextafter(low, -math.inf)])
+    expected = [each > 0.0 and low <= each <= high for each in measured.tolist()]
+    assert model.returned(measured).tolist() == expected
+    assert is_return(measured, low, high).tolist() == expected
+    assert [is_return(each, low, high) for each in measured.tolist()] == expected
+
+
 def test_every_preset_is_found_by_its_name():
     for name, model in SENSOR_PRESETS.items():
         assert sensor_preset(name) is model
@@ -68,6 +80,7 @@ def test_one_point_is_carried_as_many_are(mounting, x, y):
     many = mounting.points_to_robot(np.array([[x, y], [0.0, 0.0]]))
     np.testing.assert_allclose(many[0], mounting.points_to_robot(np.array([x, y])), atol=1e-14)
     np.testing.assert_array_equal(many[1], [mounting.x, mounting.y])
+    np.testing.assert_allclose(mounting.points_to_sensor(many), [[x, y], [0.0, 0.0]], atol=1e-14)
 
 
 @law

@@ -11,13 +11,13 @@ from places import DATA
 
 from drivers.data_sets.mrclam import MrclamLog
 from drivers.frame import Frame, LandmarkObservations
-from features.se2 import between, compose, pose, transform
+from features.se2 import between, compose, pose, transform, transform_inverse
 from features.sensor import Mounting, SensorModel
 from slam.config import SlamConfig, without_identities
 from slam.errors import ConfigError
 from slam.evaluation.evaluate import evaluate_truth
 from slam.filter.association import Gates
-from slam.filter.front_end import FrontEnd, transform_back
+from slam.filter.front_end import FrontEnd
 from slam.observed import observed_points
 from slam.odometry.motion_models import OdometryModel
 from slam.pipeline import Slam
@@ -35,7 +35,7 @@ def drive(seed, turns=120):
     step = pose(0.3, 0.0, 0.105)
     model = odometry_model()
     for k in range(turns):
-        seen = transform_back(true, LANDMARKS)
+        seen = transform_inverse(true, LANDMARKS)
         ranges = np.hypot(*seen.T)
         near = np.flatnonzero(ranges < 8.0)
         yield Frame(

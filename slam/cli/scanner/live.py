@@ -75,12 +75,12 @@ def live(
     from datetime import datetime
 
     from drivers.rplidar import RawRecorder, Rplidar
+    from slam import pipeline  # noqa: F401, what is compiled is there before the motor turns
     from slam.config_file import load_config
-    from slam.pipeline import Slam
     from slam.run.folder import claimed, default_folder
     from slam.run.live_progress import LiveProgress
 
-    Slam(load_config(config, preset=sensor))  # what is compiled is there before the motor turns
+    load_config(config, preset=sensor)  # one that is wrong is told before the motor turns
     with Rplidar(port, mode=mode, rpm=rpm, baud=baud) as lidar:
         source = _with_odometry(lidar, odometry)
         slam = _slam(source, sensor, config)

@@ -16,8 +16,7 @@ from pydantic import BaseModel, ConfigDict
 
 from slam.errors import RunFolderError, StudyError
 from slam.study.monte_carlo.runs import MonteCarloSettings, run_task, study_config
-from slam.study.output import markdown_table
-from slam.study.paper.page import fill
+from slam.study.output import fill, markdown_table
 from slam.study.tasks.journal import discard
 from slam.study.tasks.run import pool, run_tasks, task_seed
 

@@ -70,7 +70,7 @@ def simulate(source: SimulatedRun, config: SlamConfig, scans: int = 0) -> dict[s
     landmarks = score.corners()[result.landmarks.ids]
     genuine = landmarks[landmarks >= 0]
     key_poses = source.poses_world_robot[slam.key_frame_records]
-    closures = ClosureScore.of(slam.closures, slam.graph.solution.estimate.revoked, key_poses)
+    closures = ClosureScore.of(slam.closures, slam.solution.estimate.revoked, key_poses)
     lives = slam.landmark_table.key_frames
     row = {
         "ate_online_m": ate(Trajectory(source.stamps, source.poses_world_robot), result.trajectory_online).rmse_m,
@@ -118,9 +118,9 @@ def _graph_nees(slam: Slam, poses_world_robot: Array, instants: Array) -> list[f
     records = slam.key_frame_records
     latest = np.searchsorted(records, instants, side="right") - 1
     try:
-        covs = slam.graph.solution.pose_covs(latest)
+        covs = slam.solution.pose_covs(latest)
     except DivergedError:
         return None
-    estimates = slam.graph.solution.estimate.poses_world_robot[latest]
+    estimates = slam.solution.estimate.poses_world_robot[latest]
     errors = [between(pose, truth) for pose, truth in zip(estimates, poses_world_robot[records[latest]], strict=True)]
     return nees(np.array(errors), covs).tolist()

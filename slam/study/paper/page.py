@@ -1,7 +1,6 @@
 """The tables and pictures of docs/paper.md, made anew from the studies."""
 
 import json
-import re
 import shutil
 from collections.abc import Mapping, Sequence
 from contextlib import AbstractContextManager
@@ -12,12 +11,12 @@ from distributed import Client
 from pydantic import BaseModel
 
 from slam.errors import RunFolderError
-from slam.study.output import markdown_table
+from slam.study.output import fill, markdown_table
 from slam.study.paper.consistency import ConsistencySettings
 from slam.study.paper.corner_table import LABELS
 from slam.study.paper.corners import CornerSettings
+from slam.study.paper.report import study_consistency, study_corners, study_timing
 from slam.study.paper.timing import FORMS, STEPS, TimingSettings
-from slam.study.report import study_consistency, study_corners, study_timing
 from slam.study.tasks.folder import study_folder
 from slam.study.tasks.journal import JOURNAL, identity
 from slam.study.tasks.run import pool
@@ -77,22 +76,6 @@ def make_page(docs: Path, runs: Path, scheduler: str | None = None, workers: int
 
 def _folder(path: Path, study: str, settings: BaseModel) -> AbstractContextManager[Path]:
     return study_folder(study, identity(study, settings), path, overwrite=True)
-
-
-def fill(text: str, blocks: Mapping[str, str]) -> str:
-    """Put each block between its marks ``<!-- name -->`` and ``<!-- end -->``.
-
-    Raises
-    ------
-    RunFolderError
-        A mark is missing.
-    """
-    for name, block in blocks.items():
-        pattern = re.compile(rf"(<!-- {re.escape(name)} -->\n).*?(<!-- end -->)", re.DOTALL)
-        if not pattern.search(text):
-            raise RunFolderError(f"the page has no place for {name!r}: expected <!-- {name} --> ... <!-- end -->")
-        text = pattern.sub(lambda match, block=block: f"{match[1]}{block}\n{match[2]}", text)
-    return text
 
 
 def _corner_table(client: Client, runs: Path, environment: Any) -> str:

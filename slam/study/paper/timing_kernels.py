@@ -8,21 +8,23 @@ that are gone through once and by the double sums as eq. 17 is printed.
 import math
 
 import numpy as np
-from numba import njit
+from numba import f8, i8
+
+from features.compiled import inner, kernel
 
 CWLF, ARRAS_SIEGWART, ARRAS_SIEGWART_LITERAL = range(3)
 LINES, LINE_COVS, CORNER, CORNER_COV = range(4)
 """Steps in their order."""
 
 
-@njit(cache=True, inline="always")
+@inner(inline="always")
 def _weight(x, y, var_range, var_bearing):
     """Weight of eq. 23."""
     rho2 = x * x + y * y
     return (x * x * var_range + y * y * rho2 * var_bearing) / (rho2 * rho2 * var_range * var_bearing)
 
 
-@njit(cache=True, error_model="numpy", fastmath={"reassoc", "contract", "arcp", "nsz"})
+@inner(fastmath={"reassoc", "contract", "arcp", "nsz"})
 def cwlf_line(xs, ys, var_range, var_bearing, line):
     """Fill slope, intercept, centre and axis of a line, eq. 20-30 and 33-35, and the two sums of eq. 31-32."""
     n = xs.size
@@ -57,7 +59,7 @@ def cwlf_line(xs, ys, var_range, var_bearing, line):
     line[5] = sum_w
 
 
-@njit(cache=True, error_model="numpy")
+@inner()
 def cwlf_line_cov(line, cov):
     """Fill the covariance of eq. 31-32: two divisions, the sums are those of the line itself."""
     cov[0] = 1.0 / line[4]
@@ -65,7 +67,19 @@ def cwlf_line_cov(line, cov):
     cov[2] = 0.0
 
 
-@njit(cache=True, error_model="numpy", fastmath={"reassoc", "contract", "arcp", "nsz"})
+@inner()
+def _finish_polar(numerator, denominator, mean_x, mean_y, sum_w, line):
+    alpha = 0.5 * math.atan2(numerator, denominator)
+    line[0] = alpha
+    line[1] = mean_x * math.cos(alpha) + mean_y * math.sin(alpha)
+    line[2] = numerator
+    line[3] = denominator
+    line[4] = mean_x
+    line[5] = mean_y
+    line[6] = sum_w
+
+
+@inner(fastmath={"reassoc", "contract", "arcp", "nsz"})
 def polar_line(xs, ys, var_range, var_bearing, line):
     """Fill alpha, r, numerator and denominator of eq. 16-17, weights of eq. 3, by single sums."""
     sum_w = sum_wx = sum_wy = 0.0
@@ -85,7 +99,7 @@ def polar_line(xs, ys, var_range, var_bearing, line):
     _finish_polar(-2.0 * s_xy, s_yy - s_xx, mean_x, mean_y, sum_w, line)
 
 
-@njit(cache=True, error_model="numpy", fastmath={"reassoc", "contract", "arcp", "nsz"})
+@kernel(f8[::1], f8[::1], f8, f8, f8[::1], fastmath={"reassoc", "contract", "arcp", "nsz"})
 def polar_line_literal(ranges, angles, var_range, var_bearing, line):
     """Fill the same from the double sums of eq. 17 as they are printed, term by term."""
     n = ranges.size
@@ -110,19 +124,7 @@ def polar_line_literal(ranges, angles, var_range, var_bearing, line):
     _finish_polar(numerator, denominator, sum_wx / sum_w, sum_wy / sum_w, sum_w, line)
 
 
-@njit(cache=True, error_model="numpy")
-def _finish_polar(numerator, denominator, mean_x, mean_y, sum_w, line):
-    alpha = 0.5 * math.atan2(numerator, denominator)
-    line[0] = alpha
-    line[1] = mean_x * math.cos(alpha) + mean_y * math.sin(alpha)
-    line[2] = numerator
-    line[3] = denominator
-    line[4] = mean_x
-    line[5] = mean_y
-    line[6] = sum_w
-
-
-@njit(cache=True, error_model="numpy", fastmath={"reassoc", "contract", "arcp", "nsz"})
+@inner(fastmath={"reassoc", "contract", "arcp", "nsz"})
 def polar_line_cov(xs, ys, var_range, var_bearing, line, cov):
     """Fill the covariance of eq. 18-19: the derivatives by range and bearing of each point, from the sums."""
     c, s = math.cos(line[0]), math.sin(line[0])
@@ -147,7 +149,7 @@ def polar_line_cov(xs, ys, var_range, var_bearing, line, cov):
     cov[2] = both
 
 
-@njit(cache=True, error_model="numpy", fastmath={"reassoc", "contract", "arcp", "nsz"})
+@inner(fastmath={"reassoc", "contract", "arcp", "nsz"})
 def polar_line_cov_literal(ranges, angles, var_range, var_bearing, line, cov):
     """Fill the same with the sum over j in the derivative of each double sum of eq. 17 taken anew for each point."""
     n = ranges.size
@@ -183,7 +185,7 @@ def polar_line_cov_literal(ranges, angles, var_range, var_bearing, line, cov):
     cov[2] = both
 
 
-@njit(cache=True, error_model="numpy")
+@inner()
 def cwlf_corner(a, b, corner):
     """Fill the intersection of two regression lines, eq. 40-41, 43-44 or 46-47."""
     if a[3] == b[3]:
@@ -198,7 +200,7 @@ def cwlf_corner(a, b, corner):
         corner[1] = flat[0] * (x - flat[2]) + flat[1]
 
 
-@njit(cache=True, error_model="numpy")
+@inner()
 def polar_corner(a, b, corner):
     """Fill the intersection of two polar lines, eq. 36-37."""
     determinant = math.sin(b[0] - a[0])
@@ -206,7 +208,7 @@ def polar_corner(a, b, corner):
     corner[1] = (b[1] * math.cos(a[0]) - a[1] * math.cos(b[0])) / determinant
 
 
-@njit(cache=True, error_model="numpy")
+@inner()
 def corner_cov(normal_a, normal_b, across, cov):
     """Fill the covariance of an intersection from the variance that each line has across itself there."""
     determinant = normal_a[0] * normal_b[1] - normal_a[1] * normal_b[0]
@@ -216,7 +218,7 @@ def corner_cov(normal_a, normal_b, across, cov):
     cov[2] = -k * (normal_b[0] * normal_b[1] * across[0] + normal_a[0] * normal_a[1] * across[1])
 
 
-@njit(cache=True, error_model="numpy")
+@inner()
 def normal_and_variance(polar, line, cov, corner, normal):
     """Fill a normal of a line; return the variance of its equation at the corner (the rows of eq. 39, 42, 45, 48)."""
     if polar:
@@ -230,7 +232,7 @@ def normal_and_variance(polar, line, cov, corner, normal):
     return arm * arm * cov[0] + cov[1] + 2.0 * arm * cov[2]
 
 
-@njit(cache=True, error_model="numpy")
+@kernel(i8, i8, i8, i8, f8[:, ::1], f8[:, ::1], f8, f8, f8[:, ::1], f8[:, ::1], f8[::1], f8[::1])
 def run_steps(
     method, first_step, last_step, times, first, second, var_range, var_bearing, line, cov, corner, cov_corner
 ):

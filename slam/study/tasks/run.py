@@ -205,3 +205,24 @@ def _write_failures(path: Path, failures: Sequence[Failure]) -> None:
             path.write_text("\n".join(f"{failure}\n{failure.trace}" for failure in failures), encoding="utf-8")
     except OSError as error:
         raise RunFolderError(f"{path}: cannot be written: {error.strerror or error}") from None
+
+
+def failure_message(folder: Path, failures: Sequence[Failure], count: int) -> str:
+    """Say in one line that tasks failed, and what to do."""
+    return (
+        f"{len(failures)} of {count} tasks failed, see {folder / FAILURES}; the others are kept in {folder}: "
+        "the same command tries the failed ones again"
+    )
+
+
+def all_results(folder: Path, outcome: Outcome) -> list[Any]:
+    """Results of all tasks, in their order.
+
+    Raises
+    ------
+    StudyError
+        A task failed.
+    """
+    if outcome.failures:
+        raise StudyError(failure_message(folder, outcome.failures, len(outcome.results) + len(outcome.failures)))
+    return list(outcome.results.values())

@@ -11,7 +11,7 @@ from scipy.stats import chi2
 
 from features.feature import Corners
 from features.se2 import compose, pose, rotation, transform, wrap_angle
-from slam.filter.association import Gates, ObservationCounts, Signatures, associate
+from slam.filter.association import Gates, ObservationCounts, associate
 from slam.filter.association import _innovations as innovations  # the covariances that the gate works with
 from slam.filter.ekf import LandmarkEkf, predict_corners
 
@@ -31,20 +31,14 @@ unhurried = settings(deadline=None)
 
 
 def joined(*parts):
-    return Corners.of(
-        *(
-            np.concatenate([getattr(part, name) for part in parts])
-            for name in ("positions", "covs", "opening_angles", "orientations", "convex")
-        )
-    )
+    return Corners(np.concatenate([part.records for part in parts]))
 
 
 def world(landmarks_robot, pose_world_robot=pose(), pose_cov=1e-14 * np.eye(3)):  # noqa: B008, not written to
     """A filter with these corners as landmarks, placed almost without doubt, and their signatures."""
     ekf = LandmarkEkf(pose_world_robot, pose_cov)
     ekf.add_landmarks(landmarks_robot.positions, 1e-14 * np.eye(2 * len(landmarks_robot)))
-    orientations_world = wrap_angle(landmarks_robot.orientations + pose_world_robot[2])
-    return ekf, Signatures(landmarks_robot.convex, landmarks_robot.opening_angles, orientations_world)
+    return ekf, landmarks_robot.signatures.turned(pose_world_robot[2])
 
 
 def outcome(seen, known, rules=GATES, pose_world_robot=pose()):  # noqa: B008, not written to

@@ -73,7 +73,7 @@ def test_a_landmark_wakes_where_it_was_when_its_key_frame_did_not_move(seed, hea
     front.wake(np.array([key_pose, front.ekf.pose]), np.array([0]), NOWHERE)
     assert front.local.tolist() == [0, 3, 1, 2]
     np.testing.assert_allclose(front.ekf.landmarks[2:], known, rtol=0, atol=1e-9)
-    np.testing.assert_allclose(wrap_angle(front.table.orientations - 0.4 - key_pose[2]), 0.0, atol=1e-9)
+    np.testing.assert_allclose(wrap_angle(front.table.signatures().orientations - 0.4 - key_pose[2]), 0.0, atol=1e-9)
     assert (front.table.key_frames == LOCAL).all()
     assert np.linalg.eigvalsh(front.ekf.P).min() > 0.0
 
@@ -88,7 +88,9 @@ def test_a_landmark_wakes_where_its_key_frame_has_moved_to(seed, heading):
     np.testing.assert_allclose(
         front.ekf.landmarks[2:], transform(moved, np.array([[5.5, 0.5], [6.0, -1.0]])), rtol=0, atol=1e-9
     )
-    np.testing.assert_allclose(wrap_angle(front.table.orientations[[1, 2]] - 0.4 - moved[2]), 0.0, atol=1e-9)
+    np.testing.assert_allclose(
+        wrap_angle(front.table.signatures().orientations[[1, 2]] - 0.4 - moved[2]), 0.0, atol=1e-9
+    )
 
 
 @unhurried
@@ -168,7 +170,7 @@ def test_a_front_end_that_is_put_elsewhere_sees_the_same_landmarks(seed, heading
     _, landmarks = front.observe(corners(seen, orientations=orientation))
     assert landmarks.tolist() == [0, 3]
     np.testing.assert_allclose(
-        wrap_angle(front.table.orientations[[0, 3]] - orientation - front.ekf.x[2]), 0, atol=1e-9
+        wrap_angle(front.table.signatures().orientations[[0, 3]] - orientation - front.ekf.x[2]), 0, atol=1e-9
     )
 
 

@@ -6,9 +6,10 @@ import numpy as np
 import pytest
 
 from features.feature import Corners
-from features.se2 import compose, pose
+from features.se2 import compose, pose, transform_inverse
+from features.signature import Signatures
 from slam.filter.ekf import POSE_DIM, LandmarkEkf
-from slam.filter.front_end import transform_back
+from slam.graph.incremental import LandmarkGraph
 from slam.graph.multi_hypothesis import NEW_DENSITY, Sighting, most_likely
 from slam.graph.multi_hypothesis_kernel import move, succeed, weigh
 from slam.graph.reassociation import reassociate
@@ -20,9 +21,8 @@ LANDMARKS = np.array([[3.0, 1.0], [3.0, 1.4], [-2.0, 2.0], [-2.4, 2.0], [0.0, -3
 
 
 def points(positions, sigma=0.05):
-    unknown = np.full(len(positions), np.nan)
     covs = np.tile(sigma**2 * np.eye(2), (len(positions), 1, 1))
-    return Corners.of(np.asarray(positions).reshape(-1, 2), covs, unknown, unknown, np.zeros(len(positions), np.bool_))
+    return Corners.of(np.asarray(positions).reshape(-1, 2), covs, Signatures.of_points(len(positions)))
 
 
 def drive(seed, steps=80):
@@ -31,7 +31,7 @@ def drive(seed, steps=80):
     true, motion = pose(), pose()
     for _ in range(steps):
         seen = np.flatnonzero(rng.uniform(size=len(LANDMARKS)) < 0.5)
-        positions = transform_back(true, LANDMARKS[seen]) + rng.normal(0.0, 0.05, (seen.size, 2))
+        positions = transform_inverse(true, LANDMARKS[seen]) + rng.normal(0.0, 0.05, (seen.size, 2))
         yield Sighting(motion, MOTION_COV, points(positions)), seen
         motion = pose(0.2, 0.0, 0.2)
         true = compose(true, motion + np.sqrt(np.diag(MOTION_COV)) * rng.normal(size=3))
@@ -72,7 +72,7 @@ def test_what_is_seen_at_once_is_never_one(seed):
 @pytest.mark.parametrize("seed", [1, 2, 3])
 def test_pairs_are_told_apart_without_identities(seed):
     sightings, _ = zip(*drive(seed), strict=True)
-    graph, table = reassociate(pose(), FIRST_COV, sightings, 2.0, 100)
+    graph, table = reassociate(LandmarkGraph(2.0), pose(), FIRST_COV, sightings, 100)
     estimate = graph.optimize(100)
     kept = table.confirmed(3)[estimate.landmarks]
     positions = estimate.positions_world[kept]
@@ -119,7 +119,7 @@ def test_of_few_observations_the_most_likely_of_all_associations_is_found(seed):
     for step in range(6):
         noise = np.sqrt(np.diag(motion_cov)) * rng.normal(size=3)
         true = compose(true, motion + noise) if step else true
-        seen = transform_back(true, landmarks[rng.integers(3)][None]) + rng.normal(0.0, 0.2, (1, 2))
+        seen = transform_inverse(true, landmarks[rng.integers(3)][None]) + rng.normal(0.0, 0.2, (1, 2))
         sightings.append(Sighting(motion, motion_cov, points(seen, 0.2)))
         motion = pose(0.1, 0.0, 0.1)
     found = [int(each[0]) for each in most_likely(pose(), cov, sightings)]

@@ -8,7 +8,7 @@ import pytest
 from registration_scenes import CORRIDOR, seen
 from scipy.stats import chi2
 
-from features.feature import Corners
+from features.feature import CORNER_RECORD, Corners
 from features.se2 import between, compose, inverse, pose, wrap_angle
 from sim.worlds.world import World
 from slam.loop.closer import LoopCloser
@@ -16,7 +16,7 @@ from slam.loop.rules import LoopRules
 from slam.loop.verification import SYSTEMATIC
 
 RULES = LoopRules()
-NO_CORNERS = Corners.of(np.empty((0, 2)), np.empty((0, 2, 2)), np.empty(0), np.empty(0), np.empty(0, np.bool_))
+NO_CORNERS = Corners(np.empty(0, CORNER_RECORD))
 UNTOLD = 1e4 * np.eye(3)
 """Covariance of a motion of which odometry tells nothing."""
 STEP = 0.5

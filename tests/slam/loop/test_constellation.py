@@ -8,6 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from features.se2 import between, compose, pose, wrap_angle
+from features.signature import Kind
 from slam.loop.constellation import gather, lay
 
 SEEDS = st.integers(0, 2**32 - 1)
@@ -19,16 +20,17 @@ def test_a_corner_seen_from_several_poses_is_one(seed, poses):
     corners = scattered(np.random.default_rng(seed), 6)
     gathered = gather(poses, [as_corners(corners, each) for each in poses])
     np.testing.assert_allclose(gathered.positions, corners.positions, atol=1e-9)
-    np.testing.assert_allclose(wrap_angle(gathered.orientations - corners.orientations), 0.0, atol=1e-9)
-    np.testing.assert_allclose(gathered.opening_angles, corners.opening_angles, atol=1e-9)
-    assert (gathered.convex == corners.convex).all()
+    found, expected = gathered.signatures, corners.signatures
+    np.testing.assert_allclose(wrap_angle(found.orientations - expected.orientations), 0.0, atol=1e-9)
+    np.testing.assert_allclose(found.opening_angles, expected.opening_angles, atol=1e-9)
+    assert (found.kinds == expected.kinds).all()
 
 
 @given(SEEDS)
 def test_corners_of_different_kinds_stay_apart_though_they_are_near(seed):
     corners = scattered(np.random.default_rng(seed), 5)
     other = as_corners(corners, pose())
-    other.records["convex"] = ~other.convex
+    other.records["kind"] = np.where(other.convex, Kind.CONCAVE, Kind.CONVEX)
     assert len(gather([pose(), pose()], [as_corners(corners, pose()), other])) == 10
 
 

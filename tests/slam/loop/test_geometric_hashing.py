@@ -8,6 +8,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from features.se2 import between, pose
+from features.signature import Kind, Signatures
+from slam.loop.constellation import Constellation
 from slam.loop.geometric_hashing import PlaceIndex
 
 SEEDS = st.integers(0, 2**32 - 1)
@@ -71,6 +73,29 @@ def test_a_place_where_the_robot_cannot_be_is_not_proposed(seed):
         return places == 1
 
     assert [each.place for each in index.propose(here, 5, second_only)] == [1]
+
+
+@given(SEEDS)
+def test_a_place_is_found_where_some_of_it_are_points(seed):
+    """Points have no angles; the pairs they make are told from pairs of corners by their kind alone."""
+    rng = np.random.default_rng(seed)
+    corners = scattered(rng, 10)
+    point = np.arange(10) < 4
+    signatures = corners.signatures
+    mixed = Constellation(
+        corners.positions,
+        Signatures(
+            np.where(point, Kind.POINT, signatures.kinds),
+            np.where(point, np.nan, signatures.opening_angles),
+            np.where(point, np.nan, signatures.orientations),
+        ),
+    )
+    index = PlaceIndex()
+    index.add(mixed)
+    where = pose(3.0, -2.0, 1.0)
+    best = index.propose(seen_again(mixed, where, rng), 4, anywhere)[0]
+    assert best.count == 10
+    assert abs(between(where, best.pose_place_robot)[2]) < 0.1
 
 
 def test_places_without_corners_are_no_places():

@@ -139,10 +139,10 @@ def test_a_run_is_held_against_its_truth(run: dict[str, Any]) -> None:
     assert run["nees_ekf"][-1] == pytest.approx(filter_error @ np.linalg.solve(filter_cov, filter_error))
     last = len(slam.key_frame_records) - 1
     error = between(
-        slam.graph.solution.estimate.poses_world_robot[last], source.poses_world_robot[slam.key_frame_records[last]]
+        slam.solution.estimate.poses_world_robot[last], source.poses_world_robot[slam.key_frame_records[last]]
     )
     assert run["nees_graph"][-1] == pytest.approx(
-        error @ np.linalg.solve(slam.graph.solution.pose_covs(np.array([last]))[0], error), rel=1e-6
+        error @ np.linalg.solve(slam.solution.pose_covs(np.array([last]))[0], error), rel=1e-6
     )
     assert len(run["nees_ekf"]) == len(run["nees_graph"]) == INSTANTS
 

@@ -18,7 +18,7 @@ from slam.study.paper.consistency import (
     scenes,
 )
 from slam.study.paper.methods import METHODS, Method
-from slam.study.report import study_consistency
+from slam.study.paper.report import study_consistency
 from slam.study.tasks.run import task_seed
 
 QUIET = Scene(1e-9, 1e-9, 0.391, 2.0, 4.0, 90.0, 30.0)

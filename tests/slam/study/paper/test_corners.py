@@ -12,7 +12,7 @@ from distributed import Client
 from slam.study.paper.corner_table import PAPER_MEANS_MM, corner_rows, summarise, summary_lines
 from slam.study.paper.corners import CornerSettings, Found, Seen, gather, scan_task, task_count
 from slam.study.paper.methods import METHODS
-from slam.study.report import study_corners
+from slam.study.paper.report import study_corners
 from slam.study.tasks.run import task_seed
 
 KEYS = [method.key for method in METHODS]

@@ -7,9 +7,9 @@ import pytest
 
 from features import SensorModel, fit_line, intersect
 from slam.study.paper import timing
+from slam.study.paper.report import study_timing
 from slam.study.paper.timing import FORMS, STEPS, TimingSettings, measurements, paper_corner
 from slam.study.paper.timing_kernels import CWLF, run_steps
-from slam.study.report import study_timing
 
 SETTINGS = TimingSettings(repeats=1, lot_ms=0.01)
 

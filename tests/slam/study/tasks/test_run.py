@@ -16,8 +16,9 @@ from pydantic import BaseModel
 from slam.cli.main import main
 from slam.errors import StudyError
 from slam.run.program import fingerprint
-from slam.study import report
+from slam.study.monte_carlo.report import study_slam
 from slam.study.monte_carlo.runs import MonteCarloSettings, study_config
+from slam.study.paper import report
 from slam.study.tasks import run as tasks
 from slam.study.tasks.journal import JOURNAL, Journal
 from slam.study.tasks.run import FAILURES, Outcome, pool, run_tasks, task_seed
@@ -44,7 +45,7 @@ def files(folder: Path) -> dict[str, bytes]:
 def expected(tmp_path_factory: pytest.TempPathFactory, client: Client) -> dict[str, bytes]:
     """Files of the small study, on two threads of this process and never disturbed."""
     folder = tmp_path_factory.mktemp("expected")
-    _, failures = report.study_slam(client, folder, small_settings())
+    _, failures = study_slam(client, folder, small_settings())
     assert not failures
     return files(folder)
 
@@ -148,7 +149,7 @@ def test_a_worker_killed_changes_nothing(
             os.kill(killed[0], signal.SIGKILL)
 
     monkeypatch.setattr(Journal, "add", kill_after_first)
-    _, failures = report.study_slam(processes, tmp_path, small_settings())
+    _, failures = study_slam(processes, tmp_path, small_settings())
     assert killed
     assert not failures
     assert files(tmp_path) == expected

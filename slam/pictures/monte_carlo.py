@@ -9,7 +9,7 @@ import numpy as np
 from matplotlib.axes import Axes
 
 from slam.evaluation.metrics import mean_interval
-from slam.study.paper.plot import BAND, INK, STYLE, new_figure, save
+from slam.pictures.style import BAND, INK, STYLE, new_figure, save
 
 TEAL, RED, BLUE = "#1b7f79", "#d1495b", "#3a6ea5"
 Rows = Sequence[Mapping[str, Any]]

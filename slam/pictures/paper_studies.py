@@ -1,4 +1,4 @@
-"""Pictures of the studies."""
+"""Pictures of the studies of single corners: accuracy, consistency, time."""
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -7,14 +7,9 @@ from typing import Any
 import matplotlib as mpl
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.backends.backend_agg import FigureCanvasAgg
-from matplotlib.figure import Figure
 
-from slam.study.paper.consistency import MAP, MAP_INCIDENCES_DEG, MAP_SIGMAS_MM, SWEEPS, ConsistencySettings
-from slam.study.paper.corner_table import LABELS
-from slam.study.paper.timing import FIGURE_COUNTS, FORMS, STEPS
+from slam.pictures.style import BAND, INK, STYLE, new_figure, save
 
-INK, GRID, BAND = "#22272e", "#e3e6ea", "#dcefe0"
 COLORS: Mapping[str, str] = {
     "cwlf-paper": "#d1495b",
     "cwlf-propagated": "#e9a23b",
@@ -31,18 +26,6 @@ MARKERS: Mapping[str, str] = {
     "arras-siegwart": "^",
     "total-least-squares": "x",
 }
-STYLE: dict[Any, Any] = {
-    "font.size": 9.5,
-    "axes.edgecolor": "#9aa4b2",
-    "axes.labelcolor": INK,
-    "text.color": INK,
-    "axes.grid": True,
-    "grid.color": GRID,
-    "axes.axisbelow": True,
-    "axes.spines.top": False,
-    "axes.spines.right": False,
-    "legend.frameon": False,
-}
 SHORT: Mapping[str, str] = {
     "cwlf": "CWLF",
     "arras-siegwart": "A-S",
@@ -51,25 +34,14 @@ SHORT: Mapping[str, str] = {
 Rows = Sequence[Mapping[str, Any]]
 
 
-def new_figure(width: float, height: float) -> Figure:
-    """Empty figure [inch] that needs no display."""
-    figure = Figure(figsize=(width, height), layout="constrained")
-    FigureCanvasAgg(figure)
-    return figure
-
-
-def save(figure: Figure, path: Path) -> None:
-    """Write a figure as a small PNG."""
-    figure.savefig(path, dpi=110)
-
-
-def draw_corners(path: Path, summary: Mapping[str, Any], rows: Rows) -> None:
+def draw_corners(path: Path, summary: Mapping[str, Any], rows: Rows, labels: Mapping[str, str]) -> None:
     """Draw, by corner, claimed sigma and true RMS error of x and y for three methods, and NEES/2 of all.
 
     Parameters
     ----------
     path : PNG file to write.
-    summary, rows : of :mod:`slam.study.paper.corner_table`; more than one world is drawn by worlds.
+    summary, rows : of the study of corners; more than one world is drawn by worlds.
+    labels : of the methods.
     """
     shown = ("cwlf-paper", "arras-siegwart", "effective-variance")
     worlds = len({row["world"] for row in rows})
@@ -80,7 +52,7 @@ def draw_corners(path: Path, summary: Mapping[str, Any], rows: Rows) -> None:
             for offset, method in zip((-0.27, 0.0, 0.27), shown, strict=True):
                 claimed, true = (_column(rows, method, f"{kind}_{name}_mm") for kind in ("sigma", "rms"))
                 at = np.arange(1, len(claimed) + 1) + offset
-                axis.bar(at, claimed, 0.25, color=COLORS[method], label=f"{LABELS[method]}: claimed sigma")
+                axis.bar(at, claimed, 0.25, color=COLORS[method], label=f"{labels[method]}: claimed sigma")
                 axis.plot(at, true, "_", color=INK, markersize=8, markeredgewidth=2.0)
             axis.plot([], [], "_", color=INK, markersize=8, markeredgewidth=2.0, label="true RMS error")
             axis.set_ylabel(f"{name} [mm]")
@@ -90,7 +62,7 @@ def draw_corners(path: Path, summary: Mapping[str, Any], rows: Rows) -> None:
         for method in summary["methods"]:
             half = _column(rows, method, "nees_half")
             at = np.arange(1, len(half) + 1)
-            axes[2].plot(at, half, MARKERS[method], color=COLORS[method], markersize=5, label=LABELS[method])
+            axes[2].plot(at, half, MARKERS[method], color=COLORS[method], markersize=5, label=labels[method])
         axes[2].set_yscale("log")
         axes[2].set_ylabel("NEES/2 (1 is right)")
         _legend_above(axes[2], 5)
@@ -123,30 +95,38 @@ def _column(rows: Rows, method: str, name: str) -> np.ndarray:
     )
 
 
-def draw_consistency(path: Path, settings: ConsistencySettings, rows: Rows) -> None:
+def draw_consistency(
+    path: Path, subtitle: str, rows: Rows, sweeps: Mapping[str, str], labels: Mapping[str, str]
+) -> None:
     """Draw on one page NEES/2 and bias over each sweep, and the map of NEES/2 of the paper's covariance.
 
     Parameters
     ----------
     path : PNG file to write.
-    settings, rows : of :mod:`slam.study.paper.consistency`.
+    subtitle : what each panel keeps.
+    rows : of the study of consistency; those with a second value make the map.
+    sweeps, labels : labels of the sweeps and of the methods.
     """
     with mpl.rc_context(STYLE):
         figure = new_figure(13.0, 13.6)
         grid = figure.add_gridspec(5, 6, height_ratios=[1.25, 1.0, 1.0, 0.75, 0.75])
         for place, method in zip((slice(0, 3), slice(3, 6)), ("cwlf-paper", "effective-variance"), strict=True):
-            _draw_map(figure.add_subplot(grid[0, place]), method, rows)
-        for number, (sweep, (label, _)) in enumerate(SWEEPS.items()):
+            _draw_map(
+                figure.add_subplot(grid[0, place]),
+                f"NEES/2, {labels[method]}",
+                [row for row in rows if row["second"] is not None and row["method"] == method],
+            )
+        for number, (sweep, label) in enumerate(sweeps.items()):
             place = slice(2 * (number % 3), 2 * (number % 3) + 2)
             nees = figure.add_subplot(grid[1 + number // 3, place])
             bias = figure.add_subplot(grid[3 + number // 3, place])
             nees.axhspan(0.9, 1.1, color=BAND)
             nees.set_yscale("log")
-            values = SWEEPS[sweep][1]
-            for method in LABELS:
+            values = list(dict.fromkeys(row["value"] for row in rows if row["sweep"] == sweep))
+            for method in labels:
                 mine = [row for row in rows if row["sweep"] == sweep and row["method"] == method]
                 style = {"color": COLORS[method], "marker": MARKERS[method], "markersize": 4, "linewidth": 1.3}
-                nees.plot(values, [row["nees_half"] for row in mine], label=LABELS[method], **style)
+                nees.plot(values, [row["nees_half"] for row in mine], label=labels[method], **style)
                 bias.plot(values, [row["bias_mm"] for row in mine], **style)
             for axis in (nees, bias):
                 axis.set_xlabel(label)
@@ -158,41 +138,44 @@ def draw_consistency(path: Path, settings: ConsistencySettings, rows: Rows) -> N
             bias.set_ylabel("bias [mm]")
             bias.set_ylim(bottom=0.0)
             if number == 0:
-                handles, labels = nees.get_legend_handles_labels()
-                figure.legend(handles, labels, loc="outside lower center", ncols=5)
+                handles, names = nees.get_legend_handles_labels()
+                figure.legend(handles, names, loc="outside lower center", ncols=5)
         figure.suptitle(
-            "Where a covariance holds: NEES/2 is 1 where the claimed covariance is right\n"
-            f"corner of {settings.corner_angle_deg:g} deg, {settings.distance_m:g} m away, walls of "
-            f"{settings.wall_m:g} m at {settings.incidence_deg:g} deg to the line of sight, sigma_range "
-            f"{settings.sigma_range_mm:g} mm, sigma_bearing {settings.sigma_bearing_deg:.3f} deg; "
-            f"each panel changes one of them, {settings.trials} trials each",
+            f"Where a covariance holds: NEES/2 is 1 where the claimed covariance is right\n{subtitle}",
             fontsize=10.5,
         )
         save(figure, path)
 
 
-def _draw_map(axes: Axes, method: str, rows: Rows) -> None:
+def _draw_map(axes: Axes, title: str, rows: Rows) -> None:
     """Draw NEES/2 over noise and incidence as a table whose colour says how far it is from 1."""
-    values = np.array([row["nees_half"] for row in rows if row["sweep"] == MAP and row["method"] == method])
-    table = values.reshape(len(MAP_SIGMAS_MM), len(MAP_INCIDENCES_DEG))
+    sigmas_mm, incidences_deg = (list(dict.fromkeys(row[name] for row in rows)) for name in ("value", "second"))
+    table = np.array([row["nees_half"] for row in rows]).reshape(len(sigmas_mm), len(incidences_deg))
     axes.imshow(np.abs(np.log10(table)), cmap="RdYlGn_r", vmin=0.0, vmax=1.2, aspect="auto", origin="lower", alpha=0.75)
     for (i, j), value in np.ndenumerate(table):
         axes.text(j, i, f"{value:.3g}" if value >= 10.0 else f"{value:.2f}", ha="center", va="center")
-    axes.set_xticks(range(len(MAP_INCIDENCES_DEG)), [f"{value:g}" for value in MAP_INCIDENCES_DEG])
-    axes.set_yticks(range(len(MAP_SIGMAS_MM)), [f"{value:g}" for value in MAP_SIGMAS_MM])
+    axes.set_xticks(range(len(incidences_deg)), [f"{value:g}" for value in incidences_deg])
+    axes.set_yticks(range(len(sigmas_mm)), [f"{value:g}" for value in sigmas_mm])
     axes.set_xlabel("angle of the first wall to the line of sight [deg]")
     axes.set_ylabel("sigma_range [mm]")
-    axes.set_title(f"NEES/2, {LABELS[method]}", loc="left", fontsize=10.5)
+    axes.set_title(title, loc="left", fontsize=10.5)
     axes.grid(visible=False)
 
 
-def draw_figure_3(path: Path, rows: Rows) -> None:
-    """Draw the time of a corner against the number of measurements, and the ratios: the paper's Fig. 3."""
+def draw_figure_3(path: Path, rows: Rows, forms: Mapping[str, str]) -> None:
+    """Draw the time of a corner against the number of measurements, and the ratios: the paper's Fig. 3.
+
+    Parameters
+    ----------
+    path : PNG file to write.
+    rows : of the study of timing.
+    forms : label of each form that was timed.
+    """
     with mpl.rc_context(STYLE):
         figure = new_figure(9.5, 5.4)
         axes = figure.add_subplot()
         counts = [row["measurements"] for row in rows]
-        for form, (label, _) in FORMS.items():
+        for form, label in forms.items():
             axes.plot(
                 counts, [row[f"{form.replace('-', '_')}_us"] for row in rows], "o-", color=COLORS[form], label=label
             )
@@ -212,19 +195,30 @@ def draw_figure_3(path: Path, rows: Rows) -> None:
         save(figure, path)
 
 
-def draw_steps(path: Path, environment: str, steps: Rows, uncertainty: Rows) -> None:
-    """Draw uncertainty and time by step of one corner for 50 and 100 measurements: the paper's Fig. 4 or 5."""
+def draw_steps(path: Path, environment: str, steps: Rows, uncertainty: Rows, labels: Mapping[str, str]) -> None:
+    """Draw uncertainty and time by step of one corner for two numbers of measurements: the paper's Fig. 4 or 5.
+
+    Parameters
+    ----------
+    path : PNG file to write.
+    environment : of which corner, A or B.
+    steps, uncertainty : of the study of timing.
+    labels : of the methods.
+    """
     shades = ("#22577a", "#38a3a5", "#e9a23b", "#d1495b")
     with mpl.rc_context(STYLE):
         figure = new_figure(11.5, 5.2)
         left, right = figure.subplots(1, 2)
         mine = [row for row in uncertainty if row["environment"] == environment]
+        counts = list(dict.fromkeys(row["measurements"] for row in steps))
+        forms = list(dict.fromkeys(row["form"] for row in steps))
+        names = list(dict.fromkeys(row["step"] for row in steps))
         shown = ("cwlf-paper", "arras-siegwart", "effective-variance")
-        places = [(name, count) for name in "xy" for count in FIGURE_COUNTS]
+        places = [(name, count) for name in "xy" for count in counts]
         for offset, method in zip((-0.27, 0.0, 0.27), shown, strict=True):
             of = {row["measurements"]: row for row in mine if row["method"] == method}
             at = np.arange(len(places)) + offset
-            left.bar(at, [of[n][f"sigma_{a}_mm"] for a, n in places], 0.25, color=COLORS[method], label=LABELS[method])
+            left.bar(at, [of[n][f"sigma_{a}_mm"] for a, n in places], 0.25, color=COLORS[method], label=labels[method])
             left.plot(at, [of[n][f"rms_{a}_mm"] for a, n in places], "_", color=INK, markersize=12, markeredgewidth=2.2)
         left.plot([], [], "_", color=INK, markersize=12, markeredgewidth=2.2, label="true RMS error")
         left.set_xticks(range(len(places)), [f"sigma {name}\n{count} points" for name, count in places])
@@ -235,13 +229,13 @@ def draw_steps(path: Path, environment: str, steps: Rows, uncertainty: Rows) -> 
         left.legend(fontsize=8.5, ncols=2, loc="upper left")
 
         width, ticks = 0.19, []
-        for group, (form, count) in enumerate((form, count) for form in FORMS for count in FIGURE_COUNTS):
+        for group, (form, count) in enumerate((form, count) for form in forms for count in counts):
             of = {
                 row["step"]: row["time_us"]
                 for row in steps
                 if (row["environment"], row["measurements"], row["form"]) == (environment, count, form)
             }
-            for number, step in enumerate(STEPS):
+            for number, step in enumerate(names):
                 right.bar(
                     group + (number - 1.5) * width,
                     of[step],

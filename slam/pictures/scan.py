@@ -5,13 +5,13 @@ from pathlib import Path
 import matplotlib as mpl
 import numpy as np
 from matplotlib.collections import EllipseCollection
+from numpy.typing import NDArray
 
 from features import Features, LaserScan
 from features.se2 import Array
 from slam.errors import RunFolderError
 from slam.pictures.run_map import ellipses
-from slam.study.paper.one_scan import beams_of_line
-from slam.study.paper.plot import INK, STYLE, new_figure
+from slam.pictures.style import INK, STYLE, new_figure
 
 CYCLE = ("#1b7f79", "#3a6ea5", "#e9a23b", "#8e5ea2", "#5b8c3a", "#c0673a", "#4f9fc7", "#b0457b")
 SIGMAS = 3.0
@@ -77,3 +77,12 @@ def _reach(returns: Array, features: Features) -> float:
     ends = [np.hypot(*features.lines.ends.reshape(-1, 2).T), np.hypot(*features.corners.positions.T)]
     farthest = max((float(end.max()) for end in ends if end.size), default=0.0)
     return max(1.3 * farthest, float(np.percentile(returns, 90.0)) if returns.size else 0.0)
+
+
+def beams_of_line(scan: LaserScan, beams: NDArray[np.int64]) -> NDArray[np.int64]:
+    """Beams from the first to the last one of a line, counter-clockwise, shape (n,)."""
+    order = np.argsort(scan.angles % (2.0 * np.pi), kind="stable")
+    place = np.empty_like(order)
+    place[order] = np.arange(len(order))
+    first, last = int(place[beams[0]]), int(place[beams[1]])
+    return np.roll(order, -first)[: (last - first) % len(order) + 1]

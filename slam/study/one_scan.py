@@ -29,15 +29,6 @@ def scan_features(source: FrameSource, number: int, config: SlamConfig) -> tuple
     raise LogFormatError(f"{source.name}: there is no scan {number}: the log has {count}, 0 to {count - 1}")
 
 
-def beams_of_line(scan: LaserScan, beams: NDArray[np.int64]) -> NDArray[np.int64]:
-    """Beams from the first to the last one of a line, counter-clockwise, shape (n,)."""
-    order = np.argsort(scan.angles % (2.0 * np.pi), kind="stable")
-    place = np.empty_like(order)
-    place[order] = np.arange(len(order))
-    first, last = int(place[beams[0]]), int(place[beams[1]])
-    return np.roll(order, -first)[: (last - first) % len(order) + 1]
-
-
 def feature_lines(scan: LaserScan, features: Features) -> list[str]:
     """Lay lines and corners out for a terminal, sensor frame."""
     lines, corners = features.lines, features.corners
