@@ -30,12 +30,12 @@ def front_end(local, known, rng):
         count = min(100, known - local - first)
         front.observe(corners(1.4 * (np.stack(np.divmod(np.arange(count), 10), axis=-1) - 4.5)))
         front.move(pose(3.0 * KEEP, 0.0, 0.0), 1e-6 * np.eye(3))
-        front.rest(0, np.empty(0, np.int64))
+        front.deactivate_far(0, np.empty(0, np.int64))
     side = math.ceil(math.sqrt(local))
     grid = 1.4 * (np.stack(np.divmod(np.arange(local), side), axis=-1) - (side - 1) / 2.0)
     front.observe(corners(grid + rng.uniform(-0.2, 0.2, grid.shape)))
     front.move(pose(0.1, 0.0, 0.02), np.diag([0.01, 0.01, 0.005]) ** 2)
-    assert (front.local.size, len(front.table)) == (local, known)
+    assert (front.active.size, len(front.table)) == (local, known)
     return front
 
 
@@ -51,7 +51,7 @@ def measure(benchmark, local, known, rng):
         return front.observe(seen)
 
     _, landmarks = benchmark(step)
-    assert sorted(landmarks.tolist()) == sorted(front.local[nearest].tolist())
+    assert sorted(landmarks.tolist()) == sorted(front.active[nearest].tolist())
 
 
 @pytest.mark.benchmark(group=f"front end: {SEEN} corners, 10 landmarks in the filter, by landmarks known in all")

@@ -21,7 +21,7 @@ def frames():
 
 def process(frames):
     source = room_run(1)
-    slam = Slam(load_config(None, source_preset=source.sensor, source_mounting=source.mounting))
+    slam = Slam(load_config(None, source=source.info))
     for frame in frames:
         slam.process(frame)
     return slam

@@ -1,4 +1,4 @@
-"""What goes wrong with a source of data."""
+"""Errors of sources and recordings."""
 
 from features.errors import CwlfError
 

@@ -1,5 +1,6 @@
-"""What every source of data yields, and what a source is."""
+"""Frames, and the sources that yield them."""
 
+from abc import abstractmethod
 from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Protocol
@@ -87,35 +88,63 @@ class Frame:
             raise ValueError("a frame has a scan or observations, not both")
 
 
-class FrameSource(Protocol):
-    """Frames in the order of their stamps, and what the source itself knows of its sensor.
+@dataclass(frozen=True, slots=True)
+class SourceInfo:
+    """What a source of frames knows of itself before its first frame.
 
-    Iterating may raise :class:`features.errors.CwlfError`; the frames yielded before stay valid.
+    Parameters
+    ----------
+    name : short name, fit for a folder.
+    sensor : name of the sensor preset that fits the source unless the user chooses another one.
+    mounting : where the sensor sits on the robot; the robot's origin where the source does not know.
+    has_odometry : whether the poses of the frames follow the robot's motion; without odometry they are all the origin.
     """
+
+    name: str
+    sensor: str
+    mounting: Mounting = Mounting()  # noqa: RUF009, frozen
+    has_odometry: bool = True
+
+
+class FrameSource(Protocol):
+    """Frames in the order of their stamps, and what the source knows of itself.
+
+    Classes that inherit from it give ``info``, ``progress`` and the iteration; the four values of ``info`` are then
+    properties of the source too. Iterating may raise :class:`features.errors.CwlfError`; the frames yielded before stay
+    valid.
+    """
+
+    @property
+    @abstractmethod
+    def info(self) -> SourceInfo:
+        """Name, sensor, mounting and odometry of the source; known before the first frame."""
+        ...
+
+    @property
+    @abstractmethod
+    def progress(self) -> float:
+        """Share of the source that has been read, 0 to 1; 0 for a source without an end."""
+        ...
+
+    @abstractmethod
+    def __iter__(self) -> Iterator[Frame]: ...
 
     @property
     def name(self) -> str:
         """Short name, fit for a folder."""
-        ...
+        return self.info.name
 
     @property
     def sensor(self) -> str:
-        """Name of the sensor preset that fits this source unless the user says otherwise."""
-        ...
+        """Name of the sensor preset that fits the source unless the user chooses another one."""
+        return self.info.sensor
 
     @property
     def mounting(self) -> Mounting:
-        """Where the sensor sits on the robot, as far as the source says so; known before the first frame."""
-        ...
+        """Where the sensor sits on the robot."""
+        return self.info.mounting
 
     @property
     def has_odometry(self) -> bool:
-        """Whether the poses of the frames tell the motion; without odometry they are all the origin."""
-        ...
-
-    @property
-    def progress(self) -> float:
-        """Share of the source that has been read, 0 to 1."""
-        ...
-
-    def __iter__(self) -> Iterator[Frame]: ...
+        """Whether the poses of the frames follow the robot's motion."""
+        return self.info.has_odometry

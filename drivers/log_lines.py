@@ -1,4 +1,4 @@
-"""Lines of a log, plain or gzipped, of which the end may be cut short or damaged."""
+"""Reads the lines of a log, plain or gzipped, whose end may be cut short or damaged."""
 
 import logging
 import os
@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import BinaryIO
+from typing import BinaryIO, Protocol
 
 from drivers.errors import LogFormatError
 
@@ -21,7 +21,16 @@ GZIP_MAGIC = b"\x1f\x8b"
 
 @dataclass(frozen=True, slots=True)
 class LogLine:
-    """A line; `ended` by a line feed; `suspect` if it stands where gzip data are damaged; `last` of the file."""
+    """A line of a log.
+
+    Parameters
+    ----------
+    number : of the line, from 1.
+    text : without the line feed.
+    ended : whether a line feed ends it.
+    suspect : whether it may be wrong because gzip data are damaged there.
+    last : whether it is the last line of the file that is not blank.
+    """
 
     number: int
     text: bytes
@@ -31,7 +40,7 @@ class LogLine:
 
 
 class LogLineReader:
-    """Lines of a plain or gzipped file, read in pieces of bounded size; ``kind`` is what messages say was expected."""
+    """Lines of a plain or gzipped file, read in bounded memory; ``kind`` is what error messages say was expected."""
 
     def __init__(self, path: Path, kind: str = "a CARMEN log") -> None:
         self._path = path
@@ -46,14 +55,14 @@ class LogLineReader:
 
     def lines(self) -> Iterator[LogLine]:
         """Yield all lines that are not blank, the last of them marked."""
-        held: LogLine | None = None
+        previous: LogLine | None = None
         for line in self._all_lines():
             if line.text.strip():
-                if held is not None:
-                    yield held
-                held = line
-        if held is not None:
-            yield replace(held, last=True)
+                if previous is not None:
+                    yield previous
+                previous = line
+        if previous is not None:
+            yield replace(previous, last=True)
 
     def _all_lines(self) -> Iterator[LogLine]:
         number = 1
@@ -124,8 +133,14 @@ def _plain(file: BinaryIO) -> Iterator[tuple[bytes, bool]]:
         yield chunk, False
 
 
-def _salvage(decoder: "zlib._Decompress", chunk: bytes) -> bytes:
-    """Text of damaged gzip data up to the byte where the damage shows."""
+class _Decompressor(Protocol):
+    """What :func:`zlib.decompressobj` returns, whose type has no public name."""
+
+    def decompress(self, data: bytes, /) -> bytes: ...
+
+
+def _salvage(decoder: _Decompressor, chunk: bytes) -> bytes:
+    """Text of damaged gzip data up to the byte at which decompression fails."""
     text = bytearray()
     with suppress(zlib.error):
         for i in range(len(chunk)):

@@ -1,4 +1,4 @@
-"""Wheel odometry that another program writes, line by line, as it comes."""
+"""Wheel odometry that another program writes line by line."""
 
 import logging
 import math
@@ -15,16 +15,16 @@ from features.se2 import Pose, wrap_angle
 logger = logging.getLogger(__name__)
 
 KEPT = 10_000
-"""Poses that are remembered; a hundred seconds at 100 Hz."""
+"""Number of poses that are kept: 100 s at 100 Hz."""
 
 PATIENCE = 0.1
-"""How long a pose at a stamp or behind it is waited for [s]."""
+"""Longest wait for a pose at or after a stamp [s]."""
 
 FIRST_PATIENCE = 10.0
-"""How long the very first pose is waited for [s]."""
+"""Longest wait for the first pose [s]."""
 
 SILENCE = 1.0
-"""Without poses after which it is said that there are none [s]."""
+"""Time without poses after which a warning is logged [s]."""
 
 
 class OdometryStream:
@@ -53,12 +53,12 @@ class OdometryStream:
         Thread(target=self._read, name="odometry", daemon=True).start()
 
     def at(self, stamp: float) -> Pose:
-        """Pose at a stamp, shape (3,), between those before and behind it; the last one where none comes in time.
+        """Interpolate the pose at a stamp, shape (3,) [m, m, rad]; the newest pose where none after it comes in time.
 
         Raises
         ------
         DriverError
-            No pose has come at all.
+            No pose has come yet.
         """
         with self._changed:
             if not self._poses:
@@ -74,8 +74,8 @@ class OdometryStream:
                 logger.warning(
                     "%s: %s", self._path, f"no odometry for {late:.1f} s" if self._silent else "odometry is there again"
                 )
-            behind = next((k for k in range(len(poses) - 1, -1, -1) if poses[k][0] <= stamp), 0)
-            before, after = np.array(poses[behind]), np.array(poses[min(behind + 1, len(poses) - 1)])
+            index = next((k for k in range(len(poses) - 1, -1, -1) if poses[k][0] <= stamp), 0)
+            before, after = np.array(poses[index]), np.array(poses[min(index + 1, len(poses) - 1)])
         span = after[0] - before[0]
         share = min(max((stamp - before[0]) / span, 0.0), 1.0) if span > 0.0 else 0.0
         change = after[1:] - before[1:]

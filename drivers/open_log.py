@@ -17,18 +17,18 @@ from drivers.ros_bag.kind import is_ros_bag
 def open_log(
     path: str | os.PathLike[str], *, scan_topic: str | None = None, odom_topic: str | None = None
 ) -> FrameSource:
-    """Open a log of any kind, known by its name or by how it begins; what is known as nothing else is of CARMEN.
+    """Open a log; its kind is detected by its name and its first bytes, and is CARMEN if no other is detected.
 
     Parameters
     ----------
     path : the log, plain or gzipped; the folder of a ROS 2 bag; of an MRCLAM data set the folder, or the odometry of a
         robot.
-    scan_topic, odom_topic : what to take of a ROS bag, see :class:`drivers.ros_bag.bag.RosBag`.
+    scan_topic, odom_topic : topics of a ROS bag, see :class:`drivers.ros_bag.bag.RosBag`.
 
     Raises
     ------
     LogFormatError
-        It cannot be opened, what comes before its first frame is unusable, or topics are asked for of what has none.
+        It cannot be opened, what comes before its first frame is unusable, or topics are given for another log.
     """
     if is_mrclam(path) and scan_topic is None and odom_topic is None:
         return MrclamLog(path)
@@ -57,5 +57,5 @@ def text_start(path: str | os.PathLike[str]) -> bytes:
         if start.startswith(GZIP_MAGIC):
             start = zlib.decompressobj(zlib.MAX_WBITS | 16).decompress(start, 64)
     except (OSError, zlib.error):
-        return b""  # who reads it says what is wrong with it
+        return b""  # the reader of the log raises the error
     return start

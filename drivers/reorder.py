@@ -1,4 +1,4 @@
-"""Puts frames into the order of their stamps as they are read."""
+"""Sorts frames by their stamps while they are read."""
 
 import heapq
 import math
@@ -7,14 +7,14 @@ from collections.abc import Iterator
 from drivers.frame import Frame
 
 REORDER_WINDOW = 60.0
-"""Records may be out of order by this much [s]."""
+"""Largest time by which records may be out of order [s]."""
 
 REORDER_RECORDS = 10_000
-"""No more records than this are held back for sorting, so that a clock that stands still does not fill the memory."""
+"""Largest number of records in the window, which bounds the memory where stamps do not advance."""
 
 
 class ReorderWindow:
-    """Sorts frames by stamp, holding back those within the window of the newest one."""
+    """Sorts frames by stamp; frames within :data:`REORDER_WINDOW` of the newest one wait in it."""
 
     def __init__(self) -> None:
         self._heap: list[tuple[float, int, Frame]] = []
@@ -23,7 +23,7 @@ class ReorderWindow:
         self.newest_line = 0
 
     def push(self, frame: Frame, line: int) -> Iterator[Frame]:
-        """Take in the frame of a line; yield those that are certain to come before all that follow."""
+        """Add the frame of a line; yield the frames that are older than the window."""
         heapq.heappush(self._heap, (frame.stamp, line, frame))
         if frame.stamp > self.newest:
             self.newest, self.newest_line = frame.stamp, line
@@ -31,7 +31,7 @@ class ReorderWindow:
             yield self._pop()
 
     def flush(self) -> Iterator[Frame]:
-        """Yield all that are held back."""
+        """Yield all frames that wait."""
         while self._heap:
             yield self._pop()
 

@@ -1,3 +1,4 @@
+# pyright: standard
 """How kernels are compiled, and where the machine code is kept from one run to the next.
 
 A kernel has the types of its arguments written at it, so that it is compiled or loaded when its module is imported,

@@ -5,7 +5,7 @@ from types import MappingProxyType
 
 import numpy as np
 
-from drivers.frame import Frame
+from drivers.frame import Frame, FrameSource, SourceInfo
 from features.se2 import Array
 from features.sensor import Mounting
 from sim.motion.alpha_odometry import AlphaOdometry
@@ -54,8 +54,8 @@ ROOM_ODOMETRY_RATE = 50.0
 """Odometry records of :func:`room_run` per second [Hz]."""
 
 
-class SimulatedRun:
-    """A robot that drove through a world, as a ``drivers.frame.FrameSource``.
+class SimulatedRun(FrameSource):
+    """A robot that drove through a world, as a source of frames.
 
     Each iteration yields the same frames, one for each pose of the trajectory; those at the lidar's rate have a scan.
 
@@ -76,7 +76,7 @@ class SimulatedRun:
     poses_world_robot : true pose of each frame, shape (n, 3) [m, m, rad].
     poses_odom_robot : odometry pose of each frame, shape (n, 3) [m, m, rad]; the first is the true first pose.
     has_scan : whether each frame has a scan, shape (n,).
-    world, lidar, name, sensor, trajectory, people : as given.
+    world, lidar, trajectory, people : as given.
 
     Raises
     ------
@@ -102,10 +102,9 @@ class SimulatedRun:
                 "expected a whole multiple of the lidar's rate"
             )
         odometry_seed, self._lidar_seed = np.random.SeedSequence(seed).spawn(2)
-        self.name = name
+        self._info = SourceInfo(name, sensor, lidar.mounting)
         self.world = world
         self.lidar = lidar
-        self.sensor = sensor
         self.people = tuple(people)
         self.trajectory = trajectory
         self.stamps: Array = trajectory.stamps
@@ -115,14 +114,9 @@ class SimulatedRun:
         self._yielded = 0
 
     @property
-    def mounting(self) -> Mounting:
-        """Where the lidar sits on the robot."""
-        return self.lidar.mounting
-
-    @property
-    def has_odometry(self) -> bool:
-        """A simulated robot has wheels."""
-        return True
+    def info(self) -> SourceInfo:
+        """Name, sensor and mounting as given; a simulated robot has wheels."""
+        return self._info
 
     @property
     def progress(self) -> float:

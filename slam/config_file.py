@@ -8,7 +8,7 @@ from typing import Any
 import tomlkit
 from pydantic import BaseModel, ValidationError
 
-from features.sensor import Mounting
+from drivers.frame import SourceInfo
 from slam.config import SlamConfig
 from slam.errors import ConfigError
 
@@ -16,13 +16,15 @@ REASONS = {"extra_forbidden": "no such key", "model_type": "expected a table"}
 """What pydantic says in its own terms, in those of the user, by its type of error."""
 
 
+NO_SOURCE = SourceInfo("", "sick-lms")
+"""For a configuration that is not for a certain source."""
+
+
 def load_config(
     path: Path | None,
     *,
     preset: str | None = None,
-    source_preset: str = "sick-lms",
-    source_mounting: Mounting = Mounting(),  # noqa: B008, frozen
-    source_odometry: bool = True,
+    source: SourceInfo = NO_SOURCE,
     seed: int | None = None,
 ) -> SlamConfig:
     """Put a configuration together: the sensor preset, over it the TOML file, over it what the caller names.
@@ -31,8 +33,7 @@ def load_config(
     ----------
     path : TOML file with any subset of the keys; None for the defaults.
     preset : sensor that the user asked for; None to take the file's, else the source's.
-    source_preset, source_mounting : what the source says of its sensor.
-    source_odometry : whether the source has odometry; without, ``odometry.source`` is ``lines``.
+    source : what the source of the frames knows of its sensor; without odometry, ``odometry.source`` is ``lines``.
     seed : overrides the file's.
 
     Raises
@@ -51,10 +52,10 @@ def load_config(
         raise ConfigError(f"{where}sensor.preset: {file_preset!r}: expected the name of a sensor")
     if preset is not None and file_preset is not None and preset != file_preset:
         raise ConfigError(f"{where}sensor.preset is {file_preset!r} but the sensor asked for is {preset!r}: drop one")
-    chosen = next(name for name in (preset, file_preset, source_preset) if name is not None)
+    chosen = next(name for name in (preset, file_preset, source.sensor) if name is not None)
     try:
-        base = SlamConfig.of_preset(chosen, source_mounting).model_dump()
-        if not source_odometry:
+        base = SlamConfig.of_preset(chosen, source.mounting).model_dump()
+        if not source.has_odometry:
             base["odometry"]["source"] = "lines"
         merged = _overlay(base, given)
         if seed is not None:
@@ -67,7 +68,7 @@ def load_config(
         raise ConfigError(f"{where}{key}: {reason}") from None
     except ValueError as error:
         raise ConfigError(f"{where}sensor.preset: {error}") from None
-    if not source_odometry and config.odometry.source != "lines":
+    if not source.has_odometry and config.odometry.source != "lines":
         raise ConfigError(
             f'{where}odometry.source is "{config.odometry.source}" but the log has no odometry: expected "lines"'
         )

@@ -39,5 +39,5 @@ def close_loop(closer: LoopCloser, front: FrontEnd, graph: BackEnd) -> None:
         if closure.newer == len(graph) - 1:
             turn = np.eye(3)
             turn[:2, :2] = rotation(poses[closure.older, 2])
-            front.wake(poses, closer.passage(closure.older), turn @ closure.cov @ turn.T)
+            front.reactivate(poses, closer.submap(closure.older), turn @ closure.cov @ turn.T)
     merge(front, graph)

@@ -15,7 +15,7 @@ from slam.config import SlamConfig
 from slam.filter.association import Associator, Gates
 from slam.filter.front_end import FrontEnd
 from slam.loop.rules import LoopRules
-from slam.odometry.cloned_pose import Anchor
+from slam.odometry.cloned_pose import PoseClone
 from slam.odometry.line_odometry import LineOdometry
 from slam.odometry.motion_models import ConstantVelocity, OdometryModel, WheelMotion
 
@@ -54,9 +54,9 @@ class Estimators:
 
     odometry: LineOdometry
     front_end: FrontEnd
-    since_update: Anchor
-    since_key_frame: Anchor
-    since_scan: Anchor
+    since_update: PoseClone
+    since_key_frame: PoseClone
+    since_scan: PoseClone
 
     @classmethod
     def start(cls, config: SlamConfig, pose_world_robot: Pose, associator: Associator | None) -> "Estimators":
@@ -64,7 +64,7 @@ class Estimators:
         odometry = line_odometry(config, pose_world_robot)
         keep_distance = config.front_end.keep_distance_m
         front_end = FrontEnd(pose_world_robot, FIRST_POSE_COV, gates(config), keep_distance, associator)
-        return cls(odometry, front_end, odometry.anchor(), odometry.anchor(), odometry.anchor())
+        return cls(odometry, front_end, odometry.clone(), odometry.clone(), odometry.clone())
 
 
 def line_odometry(config: SlamConfig, pose_map_robot: Pose) -> LineOdometry:

@@ -27,13 +27,13 @@ from slam.loop.closer import LoopCloser
 from slam.map.landmark_map import landmark_map
 from slam.odometry.deskew import deskew_by_odometry
 from slam.parts import FIRST_POSE_COV, CwlfExtractor, Estimators, loop_rules
-from slam.result.assemble import conclude
+from slam.result.assemble import assemble_result
 from slam.result.records import Records
 from slam.result.result import SlamResult
 from slam.result.run_metrics import RunMetrics
 from slam.result.stage_clock import StageClock, peak_memory_mb
 from slam.step import Step
-from slam.trust.monitor import Trust, Watch
+from slam.trust.monitor import Trust, TrustMonitor
 from slam.view import Extractor, View, view_of_observations, view_of_scan
 
 
@@ -76,7 +76,7 @@ class Slam:
         self._key_frames: list[KeyFrame] = []
         self._unidentified: list[Sighting] = []
         self._observations = ObservationCounts()
-        self._watch = Watch(config.front_end.match_probability, wheels=config.odometry.source == "line-aided")
+        self._monitor = TrustMonitor(config.front_end.match_probability, wheels=config.odometry.source == "line-aided")
         self._clock = StageClock("extract", "odometry", "front_end", "back_end", "loop")
 
     @property
@@ -93,7 +93,7 @@ class Slam:
     @property
     def trust(self) -> Trust:
         """Whether anything speaks against the run so far, and what."""
-        return self._watch.trust
+        return self._monitor.trust
 
     @property
     def scans(self) -> int:
@@ -199,22 +199,22 @@ class Slam:
         odometry = estimators.odometry
         with self._clock.timed("odometry"):
             if self.config.odometry.source == "wheel":
-                odometry.look(view.scan, lines)
+                odometry.set_scan(view.scan, lines)
             else:
                 rejected = odometry.counts.predictions_rejected
                 points = odometry.register(stamp, view.scan, lines)
                 records.correct(odometry.pose)
                 rejected = odometry.counts.predictions_rejected > rejected
-                self._watch.registered(
+                self._monitor.registered(
                     stamp, points.points, odometry.pose, records.poses_odom[-1], odometry.share, rejected=rejected
                 )
-            self._watch.drove(stamp, estimators.since_scan.motion, seen=len(lines) > 0)
+            self._monitor.drove(stamp, estimators.since_scan.motion, seen=len(lines) > 0)
             estimators.since_scan.reset()
 
     def _update_due(self) -> bool:
         front_end = self.config.front_end
         since = self._estimators.since_update
-        return since.beyond(front_end.update_distance_m, math.radians(front_end.update_angle_deg))
+        return since.moved_beyond(front_end.update_distance_m, math.radians(front_end.update_angle_deg))
 
     def _key_frame_due(self, view: View) -> bool:
         since = self._estimators.since_key_frame
@@ -222,7 +222,7 @@ class Slam:
             # An observation is small: the graph takes each that the filter takes, once the robot has moved at all.
             return self._update_due() and since.travel + since.turn > 0.0
         back_end = self.config.back_end
-        return not self._key_frames or since.beyond(
+        return not self._key_frames or since.moved_beyond(
             back_end.key_frame_distance_m, math.radians(back_end.key_frame_angle_deg)
         )
 
@@ -234,9 +234,9 @@ class Slam:
             since.reset()
             association, landmarks = front_end.observe(view.corners_robot, view.identities)
             self._observations.add(len(view.corners_robot), association)
-            self._watch.updated(self._records.stamps[-1], association)
+            self._monitor.updated(self._records.stamps[-1], association)
             if view.scan is not None:
-                front_end.miss(view.scan, self._sensor, landmarks)
+                front_end.count_misses(view.scan, self._sensor, landmarks)
             return association, landmarks
 
     def _add_key_frame(self, view: View, landmarks: NDArray[np.int64]) -> None:
@@ -251,7 +251,7 @@ class Slam:
                 self._unidentified.append(Sighting(motion, motion_cov, view.corners_robot))
             merge(front_end, self._graph)
             self._graph.update()
-            front_end.rest(len(self._key_frames), landmarks)
+            front_end.deactivate_far(len(self._key_frames), landmarks)
             if odometry.scan is not None:
                 self._closer.add_key_frame(odometry.scan, view.corners_robot, motion, motion_cov)
             since.reset()
@@ -284,7 +284,7 @@ class Slam:
             self._solution = solution = self._solve()
         landmarks = landmark_map(solution, self.config.map.min_observations)
         metrics = self._metrics(solution, len(landmarks), interrupted)
-        return conclude(self._records, self._key_frames, solution.estimate, landmarks, metrics, self.config)
+        return assemble_result(self._records, self._key_frames, solution.estimate, landmarks, metrics, self.config)
 
     def _solve(self) -> Solution:
         """Solve the graph as it grew; where no observation has a signature or an identity, one by all that was seen.
@@ -319,7 +319,7 @@ class Slam:
             observations=replace(self._observations),
             landmark_life=solution.table.counts(self.config.map.min_observations),
             closures=replace(self._closer.counts, revoked=len(solution.estimate.revoked)),
-            nis=self._watch.nis,
+            nis=self._monitor.nis,
             trust=self.trust,
             stages=self._clock.stages(),
             graph_converged=solution.estimate.converged,

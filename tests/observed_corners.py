@@ -23,3 +23,9 @@ def corners(positions, openings=math.pi / 2, orientations=0.3, convex=False, sig
             np.full(k, orientations, dtype=np.float64),
         ),
     )
+
+
+def points(positions, sigma=SIGMA):
+    """Points that are no corners, such as barcodes."""
+    seen = corners(positions, sigma=sigma)
+    return Corners.of(seen.positions, seen.covs, Signatures.of_points(len(seen)))

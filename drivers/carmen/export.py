@@ -18,7 +18,7 @@ from features.sensor import Mounting
 logger = logging.getLogger(__name__)
 
 SPACING_TOLERANCE = 1e-9
-"""A CARMEN log holds a first angle and a spacing; beams further off than this are not evenly spaced [rad]."""
+"""Largest deviation of a beam from the even spacing that a CARMEN log describes [rad]."""
 
 
 def write_carmen(path: str | os.PathLike[str], frames: Iterable[Frame], mounting: Mounting, range_max: float) -> None:
@@ -31,7 +31,7 @@ def write_carmen(path: str | os.PathLike[str], frames: Iterable[Frame], mounting
     path : file to write, gzipped if its name ends with ``.gz``; an existing one is replaced.
     frames : in the order of their stamps.
     mounting : where the sensor sits on the robot.
-    range_max : what stands for no return [m].
+    range_max : range that is written for no return [m].
 
     Raises
     ------

@@ -14,7 +14,7 @@ from typing import TypeVar
 import numpy as np
 
 from drivers.errors import LogFormatError
-from drivers.frame import Frame
+from drivers.frame import Frame, FrameSource, SourceInfo
 from drivers.log_lines import LogLine, LogLineReader
 from drivers.reorder import REORDER_WINDOW, ReorderWindow
 from features.errors import ScanFormatError
@@ -27,7 +27,7 @@ logger = logging.getLogger(__name__)
 Parsed = TypeVar("Parsed")
 
 
-class CarmenLog:
+class CarmenLog(FrameSource):
     """A CARMEN log: scans of `FLASER` and `ROBOTLASER1`, odometry of these and of `ODOM`, mounting of `PARAM` lines.
 
     Frames come sorted by the ipc stamp, those of equal stamps in the order of the file. Other messages are skipped.
@@ -51,29 +51,9 @@ class CarmenLog:
         self._unread: Iterator[LogLine] | None = self._open()
 
     @property
-    def name(self) -> str:
-        """Name of the file without `.clf`, `.log` and `.gz`."""
-        name = self._path.name
-        for suffixes in ((".gz",), (".clf", ".log")):
-            stem, suffix = os.path.splitext(name)
-            if suffix.lower() in suffixes:
-                name = stem
-        return name
-
-    @property
-    def sensor(self) -> str:
-        """Name of the sensor preset: the scanner of nearly all CARMEN logs."""
-        return "sick-lms"
-
-    @property
-    def mounting(self) -> Mounting:
-        """Pose of the front laser on the robot by the `PARAM` lines before the first record, else the identity."""
-        return self._mounting
-
-    @property
-    def has_odometry(self) -> bool:
-        """Every record of a CARMEN log has its odometry pose."""
-        return True
+    def info(self) -> SourceInfo:
+        """Name of the file; the SICK LMS, the scanner of nearly all CARMEN logs; the mounting of the `PARAM` lines."""
+        return SourceInfo(_stem(self._path), "sick-lms", self._mounting)
 
     @property
     def progress(self) -> float:
@@ -101,7 +81,7 @@ class CarmenLog:
             raise LogFormatError(f"{self._path} has no scan: expected FLASER or ROBOTLASER1 records of a CARMEN log")
 
     def _open(self) -> Iterator[LogLine]:
-        """Read up to the first record, take the mounting, and return the lines from this record on."""
+        """Read the mounting, up to the first record, and return the lines from this record on."""
         self._reader = LogLineReader(self._path)
         self._mounting = Mounting()
         lines = self._reader.lines()
@@ -153,12 +133,22 @@ class CarmenLog:
         return window.push(frame, line.number)
 
 
+def _stem(path: Path) -> str:
+    """Name of a file without `.clf`, `.log` and `.gz`."""
+    name = path.name
+    for suffixes in ((".gz",), (".clf", ".log")):
+        stem, suffix = os.path.splitext(name)
+        if suffix.lower() in suffixes:
+            name = stem
+    return name
+
+
 class _FieldError(Exception):
-    """Fields of a line that are not what its message type asks for."""
+    """Fields of a line that do not fit its message type."""
 
 
 class _CutShortError(_FieldError):
-    """Fewer fields than the message type asks for."""
+    """Fewer fields than the message type has."""
 
 
 def _check_text(line: LogLine) -> None:
@@ -177,7 +167,7 @@ def _check_text(line: LogLine) -> None:
 
 
 def _is_cut(line: LogLine, fields: Sequence[bytes], error: Exception) -> bool:
-    """Tell a last line that was not written to its end from one that is wrong."""
+    """Whether a last line with an error was cut short, rather than written wrongly."""
     if isinstance(error, _CutShortError):
         return True
     return line.number > 1 and not line.ended and (line.text.endswith(b"\0") or not _is_number(fields[-1]))
@@ -277,7 +267,7 @@ def _parse_odom(fields: list[bytes]) -> Frame:
 
 
 def _parse_mounting(fields: list[bytes], mounting: Mounting) -> Mounting:
-    """Mounting with the coordinate that a `PARAM` line gives; any other line leaves it as it is."""
+    """Mounting with the coordinate of a `PARAM` line; unchanged for any other line."""
     name = fields[1] if fields[0] == b"PARAM" and len(fields) > 1 else b""
     if name not in (b"robot_frontlaser_offset", b"robot_frontlaser_side_offset", b"robot_frontlaser_angular_offset"):
         return mounting

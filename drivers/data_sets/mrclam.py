@@ -11,9 +11,8 @@ from numpy.typing import NDArray
 
 from drivers.data_sets.number_table import read_table
 from drivers.errors import LogFormatError
-from drivers.frame import Frame, LandmarkObservations
+from drivers.frame import Frame, FrameSource, LandmarkObservations, SourceInfo
 from features.se2 import Array, wrap_angle
-from features.sensor import Mounting
 
 logger = logging.getLogger(__name__)
 
@@ -23,11 +22,11 @@ ROBOTS = 5
 ODOMETRY = re.compile(r"Robot(\d+)_Odometry\.dat(\.gz)?")
 
 
-class MrclamLog:
-    """What one robot of a data set measured; its velocities, each held until the next, are summed up to odometry.
+class MrclamLog(FrameSource):
+    """Measurements of one robot of a data set; its velocities are integrated to odometry.
 
     There is a frame for each stamp of the odometry and of the measurements. Observations of other robots are left out,
-    and so are those of barcodes that the data set does not list, these with a warning in the log of this package.
+    and with a warning in the log of this package those of barcodes that the data set does not list.
 
     Parameters
     ----------
@@ -63,24 +62,9 @@ class MrclamLog:
         self._stamps = np.unique(np.concatenate([self._odometry[:, 0], self._measurements[:, 0]]))
 
     @property
-    def name(self) -> str:
-        """Name of the folder and number of the robot."""
-        return f"{self._folder.resolve().name}-robot{self._robot}"
-
-    @property
-    def sensor(self) -> str:
-        """Name of the sensor preset: the camera of the data sets."""
-        return "mrclam-camera"
-
-    @property
-    def mounting(self) -> Mounting:
-        """Ranges and bearings are those from the robot's centre."""
-        return Mounting()
-
-    @property
-    def has_odometry(self) -> bool:
-        """Whether the poses of the frames tell the motion: they do."""
-        return True
+    def info(self) -> SourceInfo:
+        """Name of the folder with the number of the robot; the camera of the data sets, in the robot's centre."""
+        return SourceInfo(f"{self._folder.resolve().name}-robot{self._robot}", "mrclam-camera")
 
     @property
     def progress(self) -> float:
@@ -104,7 +88,7 @@ class MrclamLog:
             yield Frame(stamp, pose_odom_robot, observations=observations)
 
     def truth(self) -> tuple[Array, Array]:
-        """Read the poses of the robot as a motion capture system saw it.
+        """Read the poses of the robot by motion capture.
 
         Returns
         -------
@@ -158,21 +142,21 @@ def _robot(path: Path) -> int:
 
 
 def integrate(odometry: Array, stamps: Array) -> Array:
-    """Sum up velocities, each held from its record to the next, on the arcs that they are.
+    """Integrate velocities, each constant from its record to the next, along circular arcs.
 
     Parameters
     ----------
     odometry : stamp, forward velocity and turn rate of each record, shape (n, 3) [s, m/s, rad/s], in order.
-    stamps : rising, shape (k,) [s]; before the first record the robot stands.
+    stamps : ascending, shape (k,) [s]; before the first record the robot stands still.
 
     Returns
     -------
-    poses_odom_robot : at the stamps, shape (k, 3) [m, m, rad]; zero at the first moment of both.
+    poses_odom_robot : at the stamps, shape (k, 3) [m, m, rad]; zero at the earliest time of both.
     """
-    moments = np.union1d(odometry[:, 0], stamps)
-    held = np.searchsorted(odometry[:, 0], moments[:-1], side="right") - 1
-    speeds, rates = np.where(held[:, None] >= 0, odometry[held, 1:], 0.0).T
-    durations = np.diff(moments)
+    times = np.union1d(odometry[:, 0], stamps)
+    current = np.searchsorted(odometry[:, 0], times[:-1], side="right") - 1
+    speeds, rates = np.where(current[:, None] >= 0, odometry[current, 1:], 0.0).T
+    durations = np.diff(times)
     turns = rates * durations
     headings = np.concatenate([[0.0], np.cumsum(turns)])
     # The chord of an arc: numpy's sinc is sin(pi x) / (pi x).
@@ -180,7 +164,7 @@ def integrate(odometry: Array, stamps: Array) -> Array:
     directions = headings[:-1] + 0.5 * turns
     steps = np.stack([chords * np.cos(directions), chords * np.sin(directions)], axis=-1)
     points = np.concatenate([np.zeros((1, 2)), np.cumsum(steps, axis=0)])
-    at = np.searchsorted(moments, stamps)
+    at = np.searchsorted(times, stamps)
     poses = np.column_stack([points, headings])[at]
     poses[:, 2] = wrap_angle(poses[:, 2])
     return poses

@@ -1,4 +1,4 @@
-"""Tables of numbers in text, plain or gzipped, a row a line."""
+"""Tables of numbers in text files, plain or gzipped, with one row per line."""
 
 import math
 from collections.abc import Iterator
@@ -17,7 +17,7 @@ def read_table(path: Path, columns: str) -> Array:
     Parameters
     ----------
     path : the table; gzip data are recognised by their first bytes.
-    columns : names of the columns, separated by blanks; the first is one that must not decrease if it is `stamp`.
+    columns : names of the columns, separated by blanks; if the first is `stamp`, its values must not decrease.
 
     Raises
     ------
@@ -54,7 +54,7 @@ def table_rows(path: Path, columns: str) -> Iterator[tuple[int, list[bytes]]]:
 
 
 def finite_numbers(path: Path, number: int, fields: list[bytes], columns: str) -> list[float]:
-    """Values of the fields of a line, each of which has to be a finite number."""
+    """Values of the fields of a line; raises :class:`LogFormatError` where one is no finite number."""
     values: list[float] = []
     for field in fields:
         try:

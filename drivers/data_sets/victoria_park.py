@@ -9,9 +9,8 @@ import numpy as np
 
 from drivers.data_sets.number_table import finite_numbers, table_rows
 from drivers.errors import LogFormatError
-from drivers.frame import Frame, LandmarkObservations
+from drivers.frame import Frame, FrameSource, LandmarkObservations, SourceInfo
 from features.se2 import Array, Pose, compose, pose
-from features.sensor import Mounting
 
 ODOMETRY = "ODOMETRY from to x y theta cov_xx cov_xy cov_xt cov_yy cov_yt cov_tt"
 LANDMARK = "LANDMARK from to x y cov_xx cov_xy cov_yy"
@@ -23,13 +22,13 @@ class _Vertex:
 
     number: int
     pose_odom_robot: Pose
-    seen: list[tuple[int, Array, Array]] = field(default_factory=list)
+    seen: list[tuple[int, Array, Array]] = field(default_factory=list[tuple[int, Array, Array]])
 
 
-class VictoriaPark:
+class VictoriaPark(FrameSource):
     """A chain of `ODOMETRY` edges, and the `LANDMARK` edges from its poses, each with its landmark's identity.
 
-    There is a frame for each pose. The file has no times: the number of a pose stands for its stamp.
+    There is a frame for each pose. The file has no times: the stamp of a pose is its number.
 
     Parameters
     ----------
@@ -47,24 +46,9 @@ class VictoriaPark:
         self._vertices = self._parse()
 
     @property
-    def name(self) -> str:
-        """Name of the file without what follows its first dot."""
-        return self._path.name.split(".")[0]
-
-    @property
-    def sensor(self) -> str:
-        """Name of the sensor preset: the scanner of the data set."""
-        return "sick-lms"
-
-    @property
-    def mounting(self) -> Mounting:
-        """Landmarks are seen from the poses themselves."""
-        return Mounting()
-
-    @property
-    def has_odometry(self) -> bool:
-        """Whether the poses of the frames tell the motion: they do."""
-        return True
+    def info(self) -> SourceInfo:
+        """Name of the file up to its first dot; the scanner of the data set, from whose pose the landmarks are seen."""
+        return SourceInfo(self._path.name.split(".")[0], "sick-lms")
 
     @property
     def progress(self) -> float:

@@ -1,4 +1,4 @@
-"""Writes recordings as the frames come."""
+"""Writes recordings frame by frame."""
 
 import gzip
 import json
@@ -13,32 +13,28 @@ from typing import Any, Self
 import numpy as np
 
 from drivers.errors import RecordError
-from drivers.frame import Frame
-from drivers.recording.recording import Header, MountingRecord
+from drivers.frame import Frame, SourceInfo
+from drivers.recording.recording import Header
 from features.se2 import Array, Pose
-from features.sensor import Mounting
 
 FLUSH_EVERY = 50
-"""What a killed process leaves lacks no more than this many of its last frames."""
+"""Largest number of frames that a killed process loses."""
 
 FLUSH_INTERVAL = 1.0
-"""Nor does it lack more than this of its frames by their stamps [s]."""
+"""Largest duration of frames that a killed process loses, by their stamps [s]."""
 
 
 class Recorder:
     """A recording that is being written; a context manager.
 
-    Frames go to the disk as they come, so that memory does not grow and a process that is killed leaves all but its
-    last frames, :data:`FLUSH_EVERY` or those of the last :data:`FLUSH_INTERVAL`. The same frames give the same bytes.
-    Threads may share it.
+    Frames are written as they come, so that memory does not grow and a process that is killed loses no more than
+    :data:`FLUSH_EVERY` frames or those of :data:`FLUSH_INTERVAL`. The same frames give the same bytes. Threads may
+    share a recorder.
 
     Parameters
     ----------
     path : file to write, gzipped whatever its name.
-    name : what is recorded, a short name fit for a folder.
-    sensor : name of the sensor preset that fits the frames.
-    mounting : where the sensor sits on the robot.
-    odometry : whether the poses of the frames tell the motion.
+    info : what is known of the source of the frames.
     walls : the walls that the sensor sees, world frame, shape (n, 4) [m], where they are known.
     glass : whether each wall is of glass, shape (n,).
     overwrite : replace a file that is there.
@@ -52,11 +48,8 @@ class Recorder:
     def __init__(
         self,
         path: str | os.PathLike[str],
+        info: SourceInfo,
         *,
-        name: str,
-        sensor: str,
-        mounting: Mounting,
-        odometry: bool = True,
         walls: Array | None = None,
         glass: Sequence[bool] | np.ndarray = (),
         overwrite: bool = False,
@@ -76,16 +69,15 @@ class Recorder:
             raise RecordError(f"{path}: cannot be written: {error.strerror or error}") from None
         # No time and no name in the header of the data, so that they depend on the frames alone.
         self._gzip = gzip.GzipFile(filename="", mode="wb", fileobj=self._file, mtime=0)
-        place = MountingRecord(x=mounting.x, y=mounting.y, theta=mounting.theta, upside_down=mounting.upside_down)
-        self._write(Header(name=name, sensor=sensor, mounting=place, odometry=odometry).model_dump())
+        self._write(Header.of(info).model_dump())
         for k, wall in enumerate(() if walls is None else walls.tolist()):
             self._write({"wall": wall} | ({"glass": True} if len(glass) and glass[k] else {}))
         self._flush()
 
     def write(self, frame: Frame, truth: Pose | None = None) -> None:
-        """Add a frame and, where it is known, the true pose of the robot, world frame, shape (3,) [m, m, rad].
+        """Write a frame and, where it is known, the true pose of the robot, world frame, shape (3,) [m, m, rad].
 
-        Ranges are kept to the micrometre, all else to the last digit.
+        Ranges are rounded to the micrometre, other numbers are kept exactly.
         """
         record: dict[str, Any] = {"stamp": float(frame.stamp), "odom": frame.pose_odom_robot.tolist()}
         if truth is not None:
@@ -103,11 +95,11 @@ class Recorder:
         self._append(record, frame.stamp)
 
     def note(self, record: Mapping[str, Any], stamp: float) -> None:
-        """Add a line that is no frame, and over which a reader of frames passes; it came at ``stamp`` [s]."""
+        """Write a line that is no frame, and that readers of frames skip; ``stamp`` is its time [s]."""
         self._append(record, stamp)
 
     def close(self) -> None:
-        """Write what is left and close the file."""
+        """Flush and close the file."""
         with self._lock:
             try:
                 self._gzip.close()

@@ -1,4 +1,4 @@
-"""Our own recordings, JSON lines in gzip, as a source of frames with the truth beside them where it is known."""
+"""Reads recordings, JSON lines in gzip: frames, and the true poses where they are known."""
 
 import itertools
 import json
@@ -6,15 +6,16 @@ import logging
 import math
 import os
 from collections.abc import Iterator
+from dataclasses import asdict
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any, Literal, Self, TypeGuard, cast
 
 import numpy as np
 import numpy.typing as npt
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from drivers.errors import LogFormatError
-from drivers.frame import Frame
+from drivers.frame import Frame, FrameSource, SourceInfo
 from drivers.log_lines import LogLine, LogLineReader
 from features.errors import ScanFormatError
 from features.scan import LaserScan
@@ -53,12 +54,23 @@ class Header(_Record):
     mounting: MountingRecord = MountingRecord()
     odometry: bool = True
 
+    @classmethod
+    def of(cls, info: SourceInfo) -> Self:
+        """Header for the frames of a source."""
+        mounting = MountingRecord(**asdict(info.mounting))
+        return cls(name=info.name, sensor=info.sensor, mounting=mounting, odometry=info.has_odometry)
 
-class Recording:
+    @property
+    def info(self) -> SourceInfo:
+        """What the header says of the source of the frames."""
+        return SourceInfo(self.name, self.sensor, Mounting(**self.mounting.model_dump()), self.odometry)
+
+
+class Recording(FrameSource):
     """A recording, as docs/worlds.md describes it.
 
-    Frames come as they were recorded, in the order of their stamps. An end that is cut short, as a process that was
-    killed leaves it, is skipped with a warning in the log of this package.
+    Frames are yielded as they were recorded, in the order of their stamps. A last line that is cut short, as in the
+    recording of a killed process, is skipped with a warning in the log of this package.
 
     Parameters
     ----------
@@ -88,24 +100,9 @@ class Recording:
         self.glass: npt.NDArray[np.bool_] = np.array([bool(record.get("glass")) for _, record in walls], dtype=np.bool_)
 
     @property
-    def name(self) -> str:
-        """What was recorded, a short name fit for a folder."""
-        return self._header.name
-
-    @property
-    def sensor(self) -> str:
-        """Name of the sensor preset that fits the recording."""
-        return self._header.sensor
-
-    @property
-    def mounting(self) -> Mounting:
-        """Where the sensor sat on the robot."""
-        return Mounting(**self._header.mounting.model_dump())
-
-    @property
-    def has_odometry(self) -> bool:
-        """Whether the recorded poses tell the motion."""
-        return self._header.odometry
+    def info(self) -> SourceInfo:
+        """What the header of the recording says."""
+        return self._header.info
 
     @property
     def progress(self) -> float:
@@ -165,7 +162,7 @@ class Recording:
             raise LogFormatError(f"{self._path} has no scan: expected frames with scans")
 
     def lines(self) -> Iterator[tuple[int, dict[str, Any]]]:
-        """Yield the number and the content of every line behind the header, as they are.
+        """Yield the number and the content of every line after the header.
 
         Raises
         ------
@@ -220,17 +217,20 @@ def _frame(record: dict[str, Any], angles: Array | None, times: Array | None) ->
     return Frame(stamp, odometry, LaserScan(ranges, angles, scan.get("stamp", stamp), times))
 
 
-def _pose(values: list[Any]) -> Pose:
+def _pose(values: Any) -> Pose:
     numbers = _numbers(values)
     if numbers.shape != (3,):
         raise ValueError(f"a pose of {len(numbers)} numbers: expected x, y and theta")
     return numbers
 
 
-def _numbers(values: list[Any], *, no_return: bool = False) -> Array:
+def _numbers(values: Any, *, no_return: bool = False) -> Array:
     """Numbers of a list; null among ranges becomes infinity."""
-    kinds = {int, float, type(None)} if no_return else {int, float}
-    if not isinstance(values, list) or not set(map(type, values)) <= kinds:
+    if not _is_list_of(values, {int, float, type(None)} if no_return else {int, float}):
         raise ValueError(f"{str(values)[:40]}: expected a list of numbers")
     numbers = np.array(values, dtype=np.float64)
     return np.where(np.isnan(numbers), math.inf, numbers) if no_return else numbers
+
+
+def _is_list_of(values: Any, kinds: set[type]) -> TypeGuard[list[float | None]]:
+    return isinstance(values, list) and kinds.issuperset(map(type, cast(list[object], values)))

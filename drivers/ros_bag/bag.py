@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from drivers.errors import LogFormatError
-from drivers.frame import Frame
+from drivers.frame import Frame, FrameSource, SourceInfo
 from drivers.reorder import REORDER_WINDOW, ReorderWindow
 from drivers.ros_bag.file import ODOMETRY, SCAN, TRANSFORMS, BagFile
 from drivers.ros_bag.frames import laser_scan, planar_pose, stamp_of, with_odometry
@@ -24,30 +24,30 @@ from features.sensor import Mounting
 logger = logging.getLogger(__name__)
 
 TRANSFORM_MESSAGES = 5_000
-"""So many messages of transforms, beside the static ones, are looked at for the mounting."""
+"""Largest number of messages of moving transforms that are searched for the mounting."""
 
 
-class RosBag:
+class RosBag(FrameSource):
     """A ROS bag: scans of sensor_msgs/LaserScan, odometry of nav_msgs/Odometry or tf, mounting of tf.
 
     Without a topic of odometry the transform from the frame ``odom`` to its child is the odometry; without this, there
-    is none. The robot's frame is that whose pose the odometry tells, else the scanner's ``base_footprint`` or
+    is none. The robot's frame is that whose pose the odometry describes, else the scanner's ``base_footprint`` or
     ``base_link``. Each frame with a scan has the odometry at the scan's stamp, interpolated; scans before the first and
     after the last odometry are left out, with a warning in the log of this package. The mounting is that of the first
-    transforms; a scanner that turns on the robot is not followed.
+    transforms; a scanner that moves on the robot is not supported.
 
     Parameters
     ----------
     path : a ``.bag``, ``.mcap`` or ``.db3`` file, or the folder of a ROS 2 bag.
-    scan_topic : the scans to take; None for the only ones that there are.
-    odom_topic : the odometry to take; None for the only one that there is.
+    scan_topic : topic of the scans; None for the only one.
+    odom_topic : topic of the odometry; None for the only one.
 
     Raises
     ------
     LogFormatError
-        When made: it cannot be opened, there are no such topics, or several to choose from, or the scanner is inclined.
+        When made: it cannot be opened, a topic is missing or ambiguous, or the scanner is inclined.
         When iterated: a message is unusable, a stamp goes back by more than :data:`REORDER_WINDOW`, the bag is cut
-        short or damaged, or no scan is left; the frames before are yielded first.
+        short or damaged, or no scan has odometry; the frames before are yielded first.
     """
 
     def __init__(
@@ -66,25 +66,11 @@ class RosBag:
         self._read = self._scans = 0
 
     @property
-    def name(self) -> str:
-        """Name of the file or folder without `.bag`, `.mcap` and `.db3`."""
+    def info(self) -> SourceInfo:
+        """Name of the bag, and the mounting of tf, else the identity; a bag does not say which scanner it was."""
         path = self._path.resolve()
-        return path.stem if path.suffix.lower() in SUFFIXES else path.name
-
-    @property
-    def sensor(self) -> str:
-        """Name of a sensor preset; a bag does not tell which scanner it was."""
-        return "rplidar-s1"
-
-    @property
-    def mounting(self) -> Mounting:
-        """Pose of the scanner on the robot by tf, else the identity."""
-        return self._mounting
-
-    @property
-    def has_odometry(self) -> bool:
-        """Whether there is a topic of odometry, or tf tells it."""
-        return self._odom_topic is not None or self._odom_frames is not None
+        name = path.stem if path.suffix.lower() in SUFFIXES else path.name
+        return SourceInfo(name, "rplidar-s1", self._mounting, self._has_odometry)
 
     @property
     def progress(self) -> float:
@@ -110,9 +96,14 @@ class RosBag:
             )
         if yielded < self._scans:
             logger.warning(
-                "%s: left out are %d of %d scans, which have no odometry of %s before and behind them",
+                "%s: %d of %d scans are left out: they have no odometry of %s before and after them",
                 self._path, self._scans - yielded, self._scans, self._odom_topic or "tf",
             )  # fmt: skip
+
+    @property
+    def _has_odometry(self) -> bool:
+        """Whether there is odometry, of a topic or of tf."""
+        return self._odom_topic is not None or self._odom_frames is not None
 
     @property
     def _topics(self) -> list[str]:
@@ -121,7 +112,7 @@ class RosBag:
         return [self._scan_topic, *odometry]
 
     def _sorted(self, failures: list[LogFormatError]) -> Iterator[Frame]:
-        """Yield scans, and odometry, each for itself, in the order of their stamps; what fails ends it."""
+        """Yield scans and odometry as separate frames, in the order of their stamps, up to a failure."""
         window = ReorderWindow()
         self._read = self._scans = 0
         try:
@@ -163,7 +154,7 @@ class RosBag:
             raise LogFormatError(f"{self._path}, {message.topic} at {message.received:.3f} s: {error}") from None
 
     def _choose(self, kind: str, wanted: str | None, option: str) -> str | None:
-        """Topic that was asked for, or the only one of a type; None where there is none."""
+        """Return the wanted topic, or the only one of a type; None where there is none."""
         if wanted is not None and wanted not in self._bag.topics:
             raise LogFormatError(f"{self._path} has no topic {wanted}: {self._listed(self._bag.topics)}")
         if wanted is not None and self._bag.topics[wanted].type != kind:
@@ -181,7 +172,7 @@ class RosBag:
         return "it has " + ", ".join(f"{name} ({_shown(topic.type)}, {topic.count})" for name, topic in topics)
 
     def _look_up_mounting(self) -> Mounting:
-        """Find the mounting in tf, and the odometry where no topic tells it."""
+        """Find the mounting in tf, and the odometry where it has no topic."""
         sensor = next((frame_name(scan.header.frame_id) for scan in self._first([self._scan_topic], 1)), "")
         static, moving = ([t for t in self._of_type(TRANSFORMS) if ("static" in t) is still] for still in (True, False))
         tree = TransformTree()
@@ -190,18 +181,18 @@ class RosBag:
                 for stamped in message.transforms:
                     tree.add(stamped)
             if self._odom_topic is not None:
-                told = [frame_name(odometry.child_frame_id) for odometry in self._first([self._odom_topic], 1)]
+                robots = [frame_name(odometry.child_frame_id) for odometry in self._first([self._odom_topic], 1)]
             else:
                 self._odom_frames = tree.odometry(sensor)
-                told = [] if self._odom_frames is None else [self._odom_frames[1]]
-            for robot in [*told, *tree.bases(sensor)]:
+                robots = [] if self._odom_frames is None else [self._odom_frames[1]]
+            for robot in [*robots, *tree.bases(sensor)]:
                 if (mounting := tree.mounting(robot, sensor)) is not None:
                     return mounting
         except LogFormatError as error:
             raise LogFormatError(f"{self._path}, tf: {error}") from None
-        if self.has_odometry:
+        if self._has_odometry:
             logger.warning(
-                "%s: tf does not tell where the scanner %r sits on the robot: "
+                "%s: the mounting of the scanner %r is not in tf: "
                 "its origin is assumed, unless [sensor.mounting] says otherwise",
                 self._path,
                 sensor,
@@ -214,7 +205,7 @@ class RosBag:
             yield self._bag.decode(message)
 
     def _undamaged(self, topics: Collection[str]) -> Iterator[Message]:
-        with suppress(LogFormatError):  # met again when the frames are read
+        with suppress(LogFormatError):  # raised again when the frames are read
             yield from self._bag.messages(topics)
 
 

@@ -22,7 +22,7 @@ TYPES = {SCAN: SCAN, ODOMETRY: ODOMETRY, TRANSFORMS: TRANSFORMS, "tf/msg/tfMessa
 
 @dataclass(frozen=True, slots=True)
 class Topic:
-    """What is said on a topic: the type, one of :data:`TYPES` or any other, and how many messages there are."""
+    """Type of the messages of a topic, one of :data:`TYPES` or any other, and their number."""
 
     type: str
     count: int
@@ -31,7 +31,7 @@ class Topic:
 class BagFile:
     """A ROS 1 bag, a ROS 2 bag (a folder, or one of its files) or an MCAP file.
 
-    A bag that is cut short is read as far as it goes.
+    A bag that is cut short is read up to the cut.
 
     Parameters
     ----------
@@ -44,7 +44,7 @@ class BagFile:
     Raises
     ------
     LogFormatError
-        It cannot be opened, it is no bag, or there is no message in it that can be read.
+        It cannot be opened, it is no bag, or no message in it can be read.
     """
 
     def __init__(self, path: Path) -> None:
@@ -61,7 +61,7 @@ class BagFile:
             raise LogFormatError(f"{path} cannot be read ({error.strerror}): expected a ROS bag") from None
         except Exception as error:  # on damaged data the library raises whatever its parsing runs into
             self._damage = str(error).split(": (")[0].rstrip(".") or type(error).__name__
-            self.topics = {}
+            self.topics: dict[str, Topic] = {}
             for message in salvage(path):
                 before = self.topics.get(message.topic)
                 kind = TYPES.get(message.type, message.type)
@@ -112,7 +112,7 @@ class BagFile:
         return Topic(kinds.pop() if len(kinds) == 1 else "several types", sum(c.msgcount for c in connections))
 
     def _kind(self, connection: Connection) -> str:
-        """Type of the messages, marked where their fields are not those that are known by this name."""
+        """Type of the messages, marked where its definition differs from the known one of this name."""
         kind = TYPES.get(connection.msgtype)
         if kind is None:
             return connection.msgtype
@@ -129,12 +129,12 @@ def typestore(*, ros1: bool) -> Typestore:
 
 
 def _check_databases(path: Path) -> None:
-    """Find the databases that are cut: of a page that is not there they are read as zeros.
+    """Find databases that are cut short, whose missing pages would be read as zeros.
 
     Raises
     ------
     ValueError
-        A file is shorter than it says.
+        A file is shorter than its header says.
     """
     for file in storage_files(path) if path.is_dir() else [path]:
         if bag_kind(file) == "sqlite3":
@@ -144,7 +144,13 @@ def _check_databases(path: Path) -> None:
 
 
 def _check(path: Path) -> None:
-    """Find out what is not even the beginning of a bag."""
+    """Refuse a path that is no bag.
+
+    Raises
+    ------
+    LogFormatError
+        It does not exist, is empty, or does not begin as a bag.
+    """
     if not path.exists():
         raise LogFormatError(f"{path}: no such file or folder: expected a ROS bag")
     if path.is_dir():

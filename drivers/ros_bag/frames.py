@@ -1,4 +1,4 @@
-"""From ROS messages to scans, poses and frames."""
+"""Converts ROS messages into scans, poses and frames."""
 
 import math
 from collections import deque
@@ -14,16 +14,16 @@ from features.scan import LaserScan
 from features.se2 import Array, Pose, between, compose, pose
 
 ODOMETRY_GAP = 5.0
-"""Over a longer time without odometry nothing is interpolated [s]."""
+"""Longest gap between two odometry poses over which is interpolated [s]."""
 
 
 def stamp_of(header: Any, received: float) -> float:
-    """Stamp of a message [s]; where it was not set, which in ROS is zero, the time when it was recorded."""
+    """Stamp of a message [s]; the time when it was recorded where the stamp is zero, which is unset in ROS."""
     return header.stamp.sec + 1e-9 * header.stamp.nanosec or received
 
 
 def laser_scan(message: Any, stamp: float) -> LaserScan:
-    """Scan of a sensor_msgs/LaserScan; what is no number or outside the message's limits is no return.
+    """Scan of a sensor_msgs/LaserScan; ranges that are NaN or outside the message's limits are no returns.
 
     Raises
     ------
@@ -40,7 +40,7 @@ def laser_scan(message: Any, stamp: float) -> LaserScan:
     with np.errstate(invalid="ignore"):  # a signalling NaN is no return like any other
         ranges = np.asarray(message.ranges, dtype=np.float64)
     beams = np.arange(len(ranges))
-    # A scanner that reports its maximum means that it saw nothing up to there.
+    # Scanners report their maximum for no return.
     returned = (ranges >= message.range_min) & (ranges < message.range_max)
     return LaserScan(
         ranges=np.where(returned, ranges, math.inf),
@@ -87,11 +87,11 @@ def planar_pose(position: Any, orientation: Any) -> Pose:
 
 
 def with_odometry(frames: Iterable[Frame]) -> Iterator[Frame]:
-    """Give each scan the odometry pose at its stamp; scans that have no odometry before and behind them are left out.
+    """Give each scan the odometry pose at its stamp; scans without odometry before and after them are left out.
 
     Parameters
     ----------
-    frames : in the order of their stamps; those with a scan have no pose yet, the others are odometry.
+    frames : in the order of their stamps; frames with a scan have no pose, those without are odometry.
     """
     before: Frame | None = None
     waiting: deque[Frame] = deque()

@@ -1,4 +1,4 @@
-"""Tells ROS bags from other files without opening them; needs no library."""
+"""Detects ROS bags by name and first bytes, without a library."""
 
 from pathlib import Path
 from typing import Literal
@@ -13,7 +13,7 @@ MAGIC: dict[BagKind, bytes] = {
 """First bytes of a file of each kind."""
 
 SUFFIXES = (".bag", ".mcap", ".db3")
-"""Names that only a bag has."""
+"""Suffixes that only bags have."""
 
 
 def bag_kind(path: Path) -> BagKind | None:

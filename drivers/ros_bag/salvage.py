@@ -1,4 +1,4 @@
-"""Messages of bags that have no index, as a recording that was killed or a copy that was cut short leaves them."""
+"""Reads messages of bags without an index, such as those of a killed recording or an incomplete copy."""
 
 import sqlite3
 from collections.abc import Callable, Iterator
@@ -20,7 +20,7 @@ MCAP_SCHEMA, MCAP_CHANNEL, MCAP_MESSAGE, MCAP_CHUNK = 3, 4, 5, 6
 
 @dataclass(frozen=True, slots=True)
 class Message:
-    """A message as it lies in a bag.
+    """A serialised message of a bag.
 
     Parameters
     ----------
@@ -43,7 +43,7 @@ def salvage(path: Path) -> Iterator[Message]:
         try:
             if kind is not None:
                 yield from SALVAGERS[kind](file)
-        except Exception:  # whatever parsing runs into where the data are damaged
+        except Exception:  # parsing of damaged data raises exceptions of many types
             return
 
 
@@ -56,7 +56,7 @@ def _rosbag1(path: Path) -> Iterator[Message]:
             if header.get_uint8("op") != RecordType.CHUNK:
                 file.seek(read_uint32(file), 1)
                 continue
-            # A last chunk that is not compressed is of use as far as it goes.
+            # The last chunk may be incomplete; uncompressed, its messages up to the cut can be read.
             data = file.read(read_uint32(file))
             yield from _rosbag1_chunk(BytesIO(decompressors[header.get_string("compression")](data)), connections)
 
@@ -104,7 +104,7 @@ def _mcap_records(
 
 
 def _mcap_chunk(records: BinaryIO) -> bytes:
-    """Content of a chunk; of one that is not compressed as far as it goes."""
+    """Content of a chunk; an uncompressed one may be incomplete."""
     records.read(8 + 16)
     size, crc = unpack("<QI", records.read(12))
     compression = read_string(records)
@@ -122,7 +122,7 @@ def _sqlite3(path: Path) -> Iterator[Message]:
 
 
 def _database(path: Path) -> sqlite3.Connection:
-    """Open a database; a last page that is cut is left out, as it would be read with zeros behind the cut."""
+    """Open a database without a last page that is cut short, which would be read with zeros after the cut."""
     page, _, size = database_size(path)
     if size % page == 0:
         return sqlite3.connect(f"{path.resolve().as_uri()}?mode=ro&immutable=1", uri=True)

@@ -1,4 +1,4 @@
-"""Transforms of a ROS bag: where the scanner sits on the robot, and who tells the odometry."""
+"""Transforms of a ROS bag: the mounting of the scanner, and the frames of the odometry."""
 
 import math
 from typing import Any
@@ -14,20 +14,20 @@ BASE_FRAMES = ("base_footprint", "base_link")
 """Names of the robot's own frame, the one on the floor first."""
 
 ODOMETRY_FRAMES = ("odom", "odom_combined")
-"""Names of the frame that the wheels drift in."""
+"""Names of the odometry frame."""
 
 TILT = math.radians(10.0)
-"""A scanner that is inclined by more does not look along the floor [rad]."""
+"""Largest inclination of a scanner whose scans are taken for horizontal [rad]."""
 
 
 class TransformTree:
-    """Frames of a robot and where each is in its parent, as the first transform of each says."""
+    """Tree of frames, each with its pose in its parent by the first transform of the frame."""
 
     def __init__(self) -> None:
         self._parents: dict[str, tuple[str, Array]] = {}
 
     def add(self, stamped: Any) -> None:
-        """Take in a geometry_msgs/TransformStamped, unless its child frame is known.
+        """Add a geometry_msgs/TransformStamped, unless its child frame is known.
 
         Raises
         ------
@@ -43,13 +43,13 @@ class TransformTree:
             self._parents[child] = frame_name(stamped.header.frame_id), pose
 
     def bases(self, sensor_frame: str) -> list[str]:
-        """Frames of the robot by their names, those above a sensor, in the order of :data:`BASE_FRAMES`."""
+        """Ancestors of a sensor frame that are robot frames by name, in the order of :data:`BASE_FRAMES`."""
         return [frame for name in BASE_FRAMES for frame in self._ancestors(sensor_frame) if _last(frame) == name]
 
     def odometry(self, sensor_frame: str) -> tuple[str, str] | None:
-        """Odometry frame and the frame whose pose is told in it; where there are several, that which carries a sensor.
+        """Odometry frame and its child; of several pairs the one whose child is an ancestor of a sensor frame.
 
-        None where there is none, or none can be chosen.
+        None where there is no pair, or the choice is ambiguous.
         """
         pairs = [(parent, child) for child, (parent, _) in self._parents.items() if _last(parent) in ODOMETRY_FRAMES]
         above = self._ancestors(sensor_frame)

@@ -1,5 +1,13 @@
-"""The serial protocol of the RPLIDAR scanners as functions on bytes, and a driver on top of it."""
+"""The serial protocol of the RPLIDAR scanners as functions on bytes, and a driver on top of it.
 
+The room promises the source :class:`Rplidar`, the decoding of its bytes without a port, and encoders for an emulator.
+It may import the modules of ``drivers`` itself, ``drivers.recording`` and ``features``; the names of its own rooms are
+offered here.
+"""
+
+from drivers.counts import Counts
+from drivers.live_source import RawTap
+from drivers.recording.raw_recording import RawRecorder, RawRecording
 from drivers.rplidar.codecs.decoder import SampleDecoder
 from drivers.rplidar.codecs.dense import encode_dense
 from drivers.rplidar.codecs.express import encode_express
@@ -23,10 +31,7 @@ from drivers.rplidar.protocol.answers import (
     unpack_name,
     unpack_number,
 )
-from drivers.rplidar.protocol.counts import Counts
 from drivers.rplidar.protocol.requests import Command, Request, RequestReader
-from drivers.rplidar.raw_recording import RawRecorder, RawRecording
-from drivers.rplidar.reader import RawTap
 from drivers.rplidar.revolutions import RevolutionDecoder, ScanStream
 
 __all__ = [

@@ -1,21 +1,21 @@
-"""When samples were taken, told from when their packets came."""
+"""Estimates when samples were taken from when their packets arrived."""
 
 import numpy as np
 
 from features.se2 import Array
 
 DRIFT = 0.01
-"""Share by which the period of the scanner may be longer than it says, or the clocks may differ."""
+"""Largest relative error that is assumed of the sample period as the scanner states it."""
 
 
 class SampleClock:
-    """Times of the samples of one unbroken stretch.
+    """Times of the samples of consecutive packets.
 
-    A scanner samples evenly, but its packets come late by what the link, the adapter and the host make of it. So the
-    samples count on from the least delayed packet, and what comes later than that is believed at a rate of
-    :data:`DRIFT` only: a host that does not read for seconds shifts nothing. A sample is older than the last of its
-    packet by their distance, and this one than the arrival by the time the packet takes on the wire, one period that
-    the device filters over, and half of one to the middle of the sample (the SDK's delays).
+    A scanner samples at a constant rate, but link, adapter and host delay its packets by varying times. The times are
+    therefore extrapolated from the least delayed packet at the sample period; later arrivals shift them by no more than
+    :data:`DRIFT` of the time that has passed, so that a host that does not read for seconds shifts nothing. The last
+    sample of a packet is older than its arrival by the packet's time on the wire, one period of filtering in the device
+    and half a period to the middle of the sample (the delays of the SDK).
 
     Parameters
     ----------
@@ -29,22 +29,22 @@ class SampleClock:
         self._samples = samples
         self._delay = wire_time + 1.5 * period
         self._latest = -np.inf
-        self._begin, self._packet = np.inf, 0
+        self._start, self._packet = np.inf, 0
 
     def reset(self) -> None:
-        """Forget the packets so far: the next are not counted on from them."""
-        self._begin = np.inf
+        """Start again with the next packet, as after a gap."""
+        self._start = np.inf
 
     def arrive(self, packet: int, time: float) -> None:
-        """Note that the packet of this number was the last one there at a time [s]."""
+        """Use the arrival time [s] of the packet of this number, the newest that has arrived."""
         passed = (packet - self._packet) * self._samples * self._period
-        begin = time - ((packet + 1) * self._samples - 1) * self._period
-        self._begin, self._packet = min(begin, self._begin + DRIFT * passed), packet
+        start = time - ((packet + 1) * self._samples - 1) * self._period
+        self._start, self._packet = min(start, self._start + DRIFT * passed), packet
 
     def times(self, packet: int, count: int) -> Array:
-        """Tell the times of samples from the first of a packet on, shape (count,) [s]; they never go back."""
-        begin = self._begin - self._delay
-        times = begin + self._period * (packet * self._samples + np.arange(count))
+        """Return the times of the first samples from a packet on, shape (count,) [s]; they never decrease."""
+        start = self._start - self._delay
+        times = start + self._period * (packet * self._samples + np.arange(count))
         times = np.maximum(times, self._latest)
         self._latest = times[-1]
         return times

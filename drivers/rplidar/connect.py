@@ -1,4 +1,4 @@
-"""Finds the scanner at the other end of a port, whatever it is doing."""
+"""Connects to the scanner on a serial port: stops a running scan and detects the speed of the link."""
 
 from threading import Event
 
@@ -6,18 +6,18 @@ from drivers.errors import DriverError
 from drivers.rplidar.protocol import requests
 from drivers.rplidar.protocol.answer_search import AnswerSearch
 from drivers.rplidar.protocol.answers import Answer, DeviceInfo
-from drivers.rplidar.protocol.exchange import search_answer
 from drivers.rplidar.protocol.link import Link
+from drivers.rplidar.protocol.request_reply import search_answer
 from drivers.rplidar.protocol.requests import Command
 
 BAUDS = (115200, 256000, 460800, 1000000)
 """Speeds of the known models, in the order in which they are tried."""
 
 ROUNDS = 2
-"""How often all speeds are tried: a scanner that has just been plugged in needs a while."""
+"""How often all speeds are tried: a scanner that has just been plugged in does not answer at once."""
 
 PROBE_TIMEOUT = 0.4
-"""For the answer at a speed that may be the wrong one [s]."""
+"""Longest wait for an answer at a speed that may be wrong [s]."""
 
 QUIET = 0.08
 """Silence after which a scan counts as stopped [s]."""
@@ -27,11 +27,11 @@ DRAIN_LIMIT = 0.5
 
 YDLIDAR_HEADER = b"\xaa\x55"
 YDLIDAR_HEADERS = 5
-"""Headers seen from which a YDLIDAR is taken for granted: by chance two bytes come once in 65536."""
+"""Number of headers from which the device is taken for a YDLIDAR; in random bytes one in 65536 pairs is a header."""
 
 
 def connect(port: str, closing: Event, baud: int | None = None) -> tuple[Link, DeviceInfo]:
-    """Open a port, stop a scan that may be left running, and find the speed at which a scanner answers.
+    """Open a port, stop a scan that may be running, and detect the speed at which the scanner answers.
 
     Parameters
     ----------
@@ -42,7 +42,7 @@ def connect(port: str, closing: Event, baud: int | None = None) -> tuple[Link, D
     Raises
     ------
     DriverError
-        The port cannot be opened, no scanner answers, or it is of another maker.
+        The port cannot be opened, no scanner answers, or the device is of another maker.
     """
     bauds = BAUDS if baud is None else (baud,)
     link = Link(port, closing)
@@ -68,7 +68,7 @@ def connect(port: str, closing: Event, baud: int | None = None) -> tuple[Link, D
 
 
 def identify(link: Link) -> AnswerSearch:
-    """Ask who is there; the search has no descriptor where nobody answers."""
+    """Request model and serial number; the search has no descriptor where no scanner answers."""
     search = AnswerSearch({Answer.INFO: 20})
     search_answer(link, requests.request(Command.GET_INFO), search, PROBE_TIMEOUT)
     return search

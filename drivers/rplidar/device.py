@@ -1,4 +1,4 @@
-"""A scanner that answers: its health, its motor and its scan."""
+"""A scanner on an open port: its health, its motor and its scan."""
 
 import logging
 import time
@@ -11,8 +11,8 @@ from drivers.rplidar.connect import DRAIN_LIMIT, QUIET, connect, identify
 from drivers.rplidar.protocol import requests
 from drivers.rplidar.protocol.answer_search import AnswerSearch
 from drivers.rplidar.protocol.answers import Answer, Health, Status
-from drivers.rplidar.protocol.exchange import NoAnswerError, ask, search_answer
 from drivers.rplidar.protocol.model import Motor, has_conf, model_name, motor
+from drivers.rplidar.protocol.request_reply import NoAnswerError, ask, search_answer
 from drivers.rplidar.protocol.requests import Command
 from drivers.rplidar.revolutions import ScanStream
 from drivers.rplidar.scan_mode import ScanMode, list_modes, standard_mode
@@ -20,17 +20,17 @@ from drivers.rplidar.scan_mode import ScanMode, list_modes, standard_mode
 logger = logging.getLogger(__name__)
 
 RESET_LIMIT = 6.0
-"""For the first answer after a reset [s]; an S1 needs 2 s."""
+"""Longest wait for the first answer after a reset [s]; an S1 needs 2 s."""
 
 RESETS = 2
-"""Resets after which a protection stop is final."""
+"""Resets that are tried to end a protection stop."""
 
 DEFAULT_RPM = 600
 DEFAULT_PWM = 660
 
 
 class Device:
-    """A scanner on an open port, at rest: found, healthy, its scan modes known.
+    """A scanner on an open port that does not scan yet; its health is checked and its scan modes are known.
 
     Parameters
     ----------
@@ -41,13 +41,13 @@ class Device:
     Attributes
     ----------
     info : model, firmware and serial number.
-    modes : how it can scan.
-    typical : the mode that it recommends.
+    modes : its scan modes that can be decoded here.
+    typical : the scan mode that the scanner recommends.
 
     Raises
     ------
     DriverError
-        The port cannot be opened, no scanner answers, or its health is beyond repair.
+        The port cannot be opened, no scanner answers, or resets do not end its protection stop.
     """
 
     def __init__(self, port: str, closing: Event, baud: int | None = None) -> None:
@@ -79,12 +79,12 @@ class Device:
         return self._link.baud
 
     def mode(self, name: str | None) -> ScanMode:
-        """Mode of a name, in any case of letters; the typical one for None.
+        """Scan mode of a name, in upper or lower case; the typical one for None.
 
         Raises
         ------
         DriverError
-            It has none of this name.
+            The scanner has no mode of this name.
         """
         if name is None:
             return self.typical
@@ -94,7 +94,7 @@ class Device:
         return found
 
     def health(self) -> Health:
-        """State of the device by its own judgement."""
+        """Health status that the device reports."""
         return Health.unpack(ask(self._link, Command.GET_HEALTH, Answer.HEALTH, 3))
 
     def start(self, mode: ScanMode, rpm: int | None = None) -> tuple[ScanStream, bytes]:
@@ -102,13 +102,13 @@ class Device:
 
         Returns
         -------
-        stream : how to read what follows.
-        data : the first bytes of it.
+        stream : parameters of the scan.
+        data : its first bytes.
 
         Raises
         ------
         DriverError
-            It does not start.
+            The scan does not start.
         """
         self._start_motor(rpm)
         search = AnswerSearch({answer: form.size for answer, form in FORMATS.items()}, multiple=True)
@@ -121,11 +121,11 @@ class Device:
         return ScanStream(Answer(search.descriptor.kind), mode.us_per_sample, self.baud), search.rest
 
     def read(self) -> bytes:
-        """Bytes of the scan; nothing where none came within a short wait."""
+        """Read bytes of the scan; empty where none come within :data:`drivers.rplidar.protocol.link.READ_WAIT`."""
         return self._link.read()
 
     def close(self) -> None:
-        """Stop scan and motor, as far as the device still listens, and close the port."""
+        """Stop scan and motor, if the device is still connected, and close the port."""
         with suppress(DriverError):
             self._link.write(requests.request(Command.STOP))
             match motor(self.info.model):
@@ -153,7 +153,7 @@ class Device:
             logger.warning("%s: only the speed of an S-series scanner can be set: it turns as it does", self.name)
 
     def _recover(self) -> None:
-        """Reset the device out of a protection stop."""
+        """End a protection stop by resets."""
         state = self.health()
         for _ in range(RESETS):
             if state.status != Status.ERROR:
@@ -171,7 +171,7 @@ class Device:
             logger.warning("%s warns of its health, error 0x%04x", self.name, state.error_code)
 
     def _await_boot(self) -> None:
-        """Ask until there is an answer: some models send a text of their own before, others nothing for seconds."""
+        """Repeat a request until it is answered: some models boot for seconds, and some send a text first."""
         end = time.monotonic() + RESET_LIMIT
         while time.monotonic() < end:
             self._link.drain(QUIET, DRAIN_LIMIT)

@@ -1,4 +1,4 @@
-"""The live driver: a scanner on a port becomes revolutions, and goes on doing so whatever happens to the cable."""
+"""The live driver: revolutions of a scanner on a serial port, which is reopened when the connection is lost."""
 
 import logging
 import time
@@ -9,15 +9,16 @@ from typing import Self
 
 import numpy as np
 
+from drivers.counts import Counts
 from drivers.errors import DriverError
-from drivers.frame import Frame
+from drivers.frame import Frame, SourceInfo
+from drivers.live_source import LiveSource, RawTap
 from drivers.rplidar.device import Device
 from drivers.rplidar.ports import find_device
 from drivers.rplidar.protocol.answers import DeviceInfo
-from drivers.rplidar.protocol.counts import Counts
 from drivers.rplidar.protocol.link import LinkClosedError
 from drivers.rplidar.protocol.model import model_name, sensor_name
-from drivers.rplidar.reader import RawTap, Reader
+from drivers.rplidar.reader import Reader
 from drivers.rplidar.revolutions import ScanStream
 from drivers.rplidar.scan_queue import ScanQueue
 from features.scan import LaserScan
@@ -26,31 +27,31 @@ from features.sensor import Mounting
 logger = logging.getLogger(__name__)
 
 BACK_OFF = (0.5, 8.0)
-"""First and longest pause between two attempts to find a scanner again; it doubles [s]."""
+"""First and longest pause between two attempts to reconnect; it doubles from one to the next [s]."""
 
 CLOSE_LIMIT = 5.0
-"""For the thread to stop the motor and to end [s]."""
+"""Longest wait for the reading thread to stop the motor and to end [s]."""
 
-OTHERS = "rplidar-s1"
-"""Sensor preset for a model without one of its own."""
+FALLBACK = "rplidar-s1"
+"""Sensor preset of a model that has none of its own."""
 
 
-class Rplidar:
-    """A scanner as a source of frames, and of bare scans; a context manager, at whose end the motor stops.
+class Rplidar(LiveSource):
+    """An RPLIDAR as a source of frames, and of scans; a context manager that opens it, and stops the motor at its end.
 
-    Inside the context the scanner is known and at rest, until it is started. Then a thread reads and decodes; a queue
-    holds the last revolutions that were not taken. A scanner that is unplugged or
-    falls silent is looked for until it is there again, at intervals that grow to 8 s; the log of this package says so.
-    Stamps are seconds since 1970 by a clock that is set when the source is made and runs evenly from then on.
+    After :meth:`start` a thread reads and decodes; a queue keeps the last revolutions that were not taken. When the
+    scanner is unplugged or sends nothing, the driver tries to reconnect until it succeeds, at intervals that grow to
+    8 s, and says so in the log of this package. Stamps are seconds since 1970 by a clock that is set when the source is
+    made and runs evenly from then on.
 
     Parameters
     ----------
-    port : name of the port; None for the first with a scanner.
-    mode : name of the scan mode; None for the typical one of the device.
-    rpm : speed of an S-series scanner; None for 600.
-    baud : speed of the link [bit/s]; None to find out.
+    port : name of the serial port; None for the first one with a scanner.
+    mode : name of the scan mode; None for the typical one of the scanner.
+    rpm : rotation rate of an S-series scanner [1/min]; None for 600.
+    baud : speed of the link [bit/s]; None to detect it.
     mounting : where the scanner sits on the robot.
-    capacity : revolutions that the queue holds; the oldest is dropped where one more comes.
+    capacity : revolutions that the queue keeps; one more drops the oldest.
 
     Raises
     ------
@@ -77,44 +78,25 @@ class Rplidar:
         self._thread: Thread | None = None
 
     @property
-    def info(self) -> DeviceInfo:
+    def device_info(self) -> DeviceInfo:
         """Model, firmware and serial number of the scanner."""
-        return self._found.info
+        return self._opened.info
 
     @property
-    def name(self) -> str:
-        """Name of the model, such as S1M1."""
-        return model_name(self.info.model)
-
-    @property
-    def sensor(self) -> str:
-        """Name of the sensor preset that fits the model."""
-        return sensor_name(self.info.model) or OTHERS
-
-    @property
-    def mounting(self) -> Mounting:
-        """Where the scanner sits on the robot."""
-        return self._mounting
-
-    @property
-    def has_odometry(self) -> bool:
-        """False: a scanner has no wheels."""
-        return False
-
-    @property
-    def progress(self) -> float:
-        """Zero: a live source has no end."""
-        return 0.0
+    def info(self) -> SourceInfo:
+        """Name of the model, such as S1M1, and the sensor preset that fits it; no odometry."""
+        model = self.device_info.model
+        return SourceInfo(model_name(model), sensor_name(model) or FALLBACK, self._mounting, has_odometry=False)
 
     @property
     def counts(self) -> Counts:
-        """What became of the bytes and the revolutions so far."""
+        """What was received and lost so far."""
         return self._reader.counts + Counts(dropped_revolutions=self._queue.dropped, reconnects=self._reconnects)
 
     def take(self, timeout: float | None = None) -> LaserScan | None:
-        """Oldest revolution that was not taken; None where none comes in time [s], or the source is closed.
+        """Take the oldest revolution that was not taken; start the scanner if it was not started.
 
-        The scanner is started where it is not yet.
+        Returns None after a timeout [s], or when the source is closed and no revolution is left.
         """
         if self._thread is None:
             self.start()
@@ -126,7 +108,7 @@ class Rplidar:
             yield scan
 
     def __iter__(self) -> Iterator[Frame]:
-        """Yield the revolutions as frames; there are no wheels, so the odometry pose is always the origin."""
+        """Yield the revolutions as frames; without odometry their pose is always the origin."""
         for scan in self.scans():
             yield Frame(scan.stamp, np.zeros(3), scan)
 
@@ -135,7 +117,7 @@ class Rplidar:
 
         Parameters
         ----------
-        tap : takes the raw bytes down, in the thread that reads; what it raises ends the iteration with it.
+        tap : receives the raw bytes, in the thread that reads; an exception that it raises ends the iteration.
 
         Raises
         ------
@@ -144,12 +126,12 @@ class Rplidar:
         """
         if self._thread is not None:
             raise ValueError("the scanner has been started already")
-        device = self._found
+        device = self._opened
         self._thread = Thread(target=self._run, args=(device, *self._start(device), tap), name="rplidar", daemon=True)
         self._thread.start()
 
     def close(self) -> None:
-        """Stop scan and motor; what the queue still holds can be taken."""
+        """Stop scan and motor; revolutions that are in the queue can still be taken."""
         self._closing.set()
         if self._thread is not None:
             self._thread.join(CLOSE_LIMIT)
@@ -165,7 +147,7 @@ class Rplidar:
             raise
         logger.info("%s at %d baud, serial number %s, %s", device.name, device.baud, device.info.serial, mode.name)
         if sensor_name(device.info.model) is None:
-            logger.warning("%s: the noise of this model is not known here, that of %s is taken", device.name, OTHERS)
+            logger.warning("%s: the noise of this model is not known here, that of %s is taken", device.name, FALLBACK)
         self._baud = device.baud
         return self
 
@@ -175,7 +157,7 @@ class Rplidar:
         self.close()
 
     @property
-    def _found(self) -> Device:
+    def _opened(self) -> Device:
         if self._device is None:
             raise ValueError("the scanner has not been opened: use it in a `with` block")
         return self._device
@@ -189,7 +171,7 @@ class Rplidar:
             raise
 
     def _run(self, device: Device, stream: ScanStream, data: bytes, tap: RawTap | None) -> None:
-        """Read until the source is closed, over one connection after the other."""
+        """Read until the source is closed; reconnect when the scanner is lost."""
         try:
             while True:
                 try:
@@ -198,21 +180,21 @@ class Rplidar:
                 except LinkClosedError:
                     break
                 except DriverError as error:
-                    logger.warning("%s; the scanner is looked for again", error)
+                    logger.warning("%s; reconnecting", error)
                 finally:
                     device.close()
                 device, stream, data = self._reopen()
                 self._reconnects += 1
-                logger.warning("%s is there again", device.name)
+                logger.warning("%s is connected again", device.name)
         except LinkClosedError:
             pass
-        except BaseException as failure:  # of the tap: to whoever takes the scans
+        except BaseException as failure:  # raised by the tap: raised again where the scans are taken
             self._queue.end(failure)
         finally:
             self._queue.end()
 
     def _reopen(self) -> tuple[Device, ScanStream, bytes]:
-        """Look for the scanner until it is there, with growing pauses."""
+        """Try to reconnect until it succeeds, with growing pauses."""
         pause, longest = BACK_OFF
         while not self._closing.wait(pause):
             try:

@@ -1,4 +1,4 @@
-"""Looks for scanners among the ports of this computer."""
+"""Searches the serial ports of this computer for scanners."""
 
 from collections.abc import Iterable, Iterator
 from threading import Event
@@ -16,12 +16,12 @@ NO_PORT = (
 
 
 def serial_ports() -> list[str]:
-    """Names of the ports on USB adapters, as all scanners have one; others are not written to unless they are named."""
+    """Names of the serial ports on USB; others are not searched, as this would write to devices of other kinds."""
     return sorted(port.device for port in list_ports.comports() if port.vid is not None)
 
 
 def find_devices(ports: Iterable[str], closing: Event, baud: int | None = None) -> Iterator[Device | DriverError]:
-    """Open each port in turn: the scanner at its other end, or why there is none."""
+    """Open each port in turn, and yield the scanner on it or the reason why there is none."""
     for port in ports:
         try:
             yield Device(port, closing, baud)
@@ -32,7 +32,7 @@ def find_devices(ports: Iterable[str], closing: Event, baud: int | None = None) 
 
 
 def find_device(port: str | None, closing: Event, baud: int | None = None) -> Device:
-    """Open the scanner on a port, or, for None, on the first that has one.
+    """Open the scanner on a port; for None, on the first port with a scanner.
 
     Raises
     ------

@@ -1,48 +1,36 @@
-"""Reads one scan after the other, in a thread of its own."""
+"""Reads the bytes of a scanner, decodes them and queues the revolutions."""
 
 import time
 from threading import Event
-from typing import Protocol
 
+from drivers.counts import Counts
 from drivers.errors import DriverError
+from drivers.live_source import RawTap
 from drivers.rplidar.device import Device
-from drivers.rplidar.protocol.counts import Counts
 from drivers.rplidar.revolutions import RevolutionDecoder, ScanStream
 from drivers.rplidar.scan_queue import ScanQueue
 
 READ_INTERVAL = 0.01
-"""Pause between two reads, so that bytes come in lots that are worth the work [s]."""
+"""Pause between two reads, so that each read returns enough bytes to be decoded efficiently [s]."""
 
 SPIN_UP = 10.0
-"""For the first bytes of a scan: they wait until the head turns steadily [s]."""
+"""Longest wait for the first bytes of a scan, which come when the head turns at its set speed [s]."""
 
 SILENCE = 3.0
-"""Without bytes, later, after which the scanner is lost [s]."""
+"""Longest time without bytes during a scan; after it the scanner counts as lost [s]."""
 
 FRUITLESS = 5.0
-"""Without a revolution although bytes come, after which the scanner is lost; in seconds of the full link."""
-
-
-class RawTap(Protocol):
-    """Takes every byte of the scans down, in the thread that reads."""
-
-    def begin(self, stream: ScanStream, time: float) -> None:
-        """Note that a scan begins: what follows is to be decoded afresh."""
-        ...
-
-    def chunk(self, data: bytes, time: float) -> None:
-        """Take bytes, which came at a time [s since 1970]."""
-        ...
+"""Bytes without a complete revolution after which the scanner counts as lost, as seconds at the full link speed."""
 
 
 class Reader:
-    """Reads scans from a device into a queue, one scan after the other.
+    """Reads the scans of a device into a queue.
 
     Parameters
     ----------
-    queue : takes the revolutions.
-    closing : set to end.
-    epoch : when the monotonic clock of this computer began [s since 1970].
+    queue : receives the revolutions.
+    closing : set by another thread to end the reading.
+    epoch : time at which the monotonic clock of this computer was zero [s since 1970].
 
     Attributes
     ----------
@@ -54,19 +42,19 @@ class Reader:
         self._queue, self._closing, self._epoch = queue, closing, epoch
 
     def read(self, device: Device, stream: ScanStream, data: bytes, tap: RawTap | None = None) -> None:
-        """Read a scan until the end.
+        """Read a scan until ``closing`` is set.
 
         Parameters
         ----------
-        device : that scans.
-        stream : how to read what it sends.
-        data : the first bytes of it.
-        tap : takes the bytes down.
+        device : whose scan was started.
+        stream : parameters of the scan.
+        data : its first bytes.
+        tap : receives all bytes.
 
         Raises
         ------
         DriverError
-            The scanner is lost, or silent, or what it sends makes no sense.
+            The connection is lost, no bytes come, or no revolution can be decoded from them.
         """
         decoder, before = RevolutionDecoder(stream), self.counts
         now = last = time.monotonic()

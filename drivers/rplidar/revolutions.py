@@ -1,23 +1,25 @@
-"""Bytes of a scan, with the times at which they came, become revolutions; needs no port, so that it replays as well."""
+"""Decodes the bytes of a scan, with their arrival times, into revolutions; the bytes may be live or recorded."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Any, Self
 
 import numpy as np
 
+from drivers.counts import Counts
 from drivers.rplidar.clock import SampleClock
 from drivers.rplidar.codecs.decoder import SampleDecoder
 from drivers.rplidar.codecs.formats import FORMATS
+from drivers.rplidar.codecs.outlier_filter import OutlierFilter
 from drivers.rplidar.codecs.samples import Join, Samples
-from drivers.rplidar.codecs.steady import Steady
 from drivers.rplidar.protocol.answers import Answer
-from drivers.rplidar.protocol.counts import Counts
 from features.scan import LaserScan
 from features.se2 import Array, wrap_angle
 
 
 @dataclass(frozen=True, slots=True)
 class ScanStream:
-    """What is to be known of a stream of packets to read it.
+    """Parameters of a scan that are needed to decode its packets.
 
     Parameters
     ----------
@@ -30,16 +32,31 @@ class ScanStream:
     us_per_sample: float
     baud: int
 
+    def to_record(self) -> dict[str, Any]:
+        """Parameters as a JSON object."""
+        return {"answer": int(self.answer), "us_per_sample": self.us_per_sample, "baud": self.baud}
+
+    @classmethod
+    def of_record(cls, record: Mapping[str, Any]) -> Self:
+        """Parameters from a JSON object.
+
+        Raises
+        ------
+        KeyError, TypeError, ValueError
+            A parameter is missing or unusable.
+        """
+        return cls(Answer(record["answer"]), float(record["us_per_sample"]), int(record["baud"]))
+
 
 class RevolutionDecoder:
-    """Whole revolutions of one scan, from the descriptor to its end.
+    """Decodes one scan into complete revolutions.
 
-    A revolution that lost packets is given without their beams. One whose duration is not that of those before lacks a
-    turn, or is a part of one: it is counted and dropped.
+    A revolution in which packets are missing is returned without their beams. One whose duration differs from those
+    before spans two turns, or a part of one: it is counted as broken and discarded.
 
     Parameters
     ----------
-    stream : what the device said of the scan.
+    stream : parameters of the scan.
     """
 
     def __init__(self, stream: ScanStream) -> None:
@@ -49,9 +66,9 @@ class RevolutionDecoder:
         wire_time = packet_format.size * 10.0 / stream.baud
         self._period = stream.us_per_sample * 1e-6
         self._clock = SampleClock(self._period, packet_format.samples, wire_time)
-        self._durations = Steady()
+        self._durations = OutlierFilter()
         self._parts: list[tuple[Array, Array, Array]] = []
-        self._begun = self._patchy = False
+        self._started = self._patchy = False
         self._counts = Counts()
 
     @property
@@ -60,17 +77,17 @@ class RevolutionDecoder:
         return self._decoder.counts + self._counts
 
     def feed(self, data: bytes, time: float) -> list[LaserScan]:
-        """Take bytes in.
+        """Decode the next bytes.
 
         Parameters
         ----------
-        data : as the device sent them, cut anywhere.
-        time : when they came, on any clock [s].
+        data : bytes of the device, split anywhere.
+        time : when they arrived, on any clock [s].
 
         Returns
         -------
-        Revolutions that are complete now: angles counter-clockwise from -pi to pi, rising; each beam with its time; the
-        stamp is that of the last beam, on the clock of ``time``.
+        Revolutions that are complete with these bytes: angles counter-clockwise from -pi to pi, ascending; each beam
+        with its time; the stamp is that of the last beam, on the clock of ``time``.
         """
         scans: list[LaserScan] = []
         for samples in self._decoder.feed(data):
@@ -81,31 +98,31 @@ class RevolutionDecoder:
         return scans
 
     def _split(self, samples: Samples, times: Array) -> list[LaserScan]:
-        """Cut where revolutions start."""
+        """Split samples where revolutions start, and return the revolutions that end."""
         if samples.join is Join.RESTART:
-            self._begun = False
+            self._started = False
         self._patchy |= samples.join is Join.GAP
         scans: list[LaserScan] = []
-        begin = 0
+        first = 0
         for start in samples.starts.nonzero()[0].tolist():
-            self._add(samples, times, begin, start)
-            if self._begun:
+            self._add(samples, times, first, start)
+            if self._started:
                 scans += self._close(times[start])
-            self._parts, self._begun, begin = [], True, start
-            # A gap before the very first sample of a revolution may be one of its own.
+            self._parts, self._started, first = [], True, start
+            # A gap right before the first sample of a revolution may have cost it samples of its own.
             self._patchy = start == 0 and samples.join is Join.GAP
-        self._add(samples, times, begin, len(samples))
+        self._add(samples, times, first, len(samples))
         return scans
 
-    def _add(self, samples: Samples, times: Array, begin: int, end: int) -> None:
-        if self._begun:
-            self._parts.append((samples.angles_clockwise[begin:end], samples.ranges[begin:end], times[begin:end]))
+    def _add(self, samples: Samples, times: Array, first: int, end: int) -> None:
+        if self._started:
+            self._parts.append((samples.angles_clockwise[first:end], samples.ranges[first:end], times[first:end]))
 
     def _close(self, end: float) -> list[LaserScan]:
         clockwise, ranges, times = (np.concatenate(column) for column in zip(*self._parts, strict=True))
-        # Without a gap the samples tell the time; the clock may jump, where this computer was late to read.
+        # Without a gap the number of samples gives the duration; the clock jumps where this computer read late.
         duration = end - times[0] if self._patchy else len(times) * self._period
-        if not self._durations.agrees(duration):
+        if not self._durations.accepts(duration):
             self._counts += Counts(broken_revolutions=1)
             return []
         self._counts += Counts(revolutions=1, patchy_revolutions=self._patchy)

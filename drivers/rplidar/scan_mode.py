@@ -1,4 +1,4 @@
-"""The ways in which a scanner can scan."""
+"""Scan modes of a scanner."""
 
 import logging
 from dataclasses import dataclass
@@ -6,8 +6,8 @@ from dataclasses import dataclass
 from drivers.errors import DriverError
 from drivers.rplidar.codecs.formats import FORMATS
 from drivers.rplidar.protocol.answers import Answer, Conf, SampleRate, unpack_name
-from drivers.rplidar.protocol.exchange import ask, ask_conf, ask_number
 from drivers.rplidar.protocol.link import Link
+from drivers.rplidar.protocol.request_reply import ask, ask_conf, ask_number
 from drivers.rplidar.protocol.requests import Command, express_scan, request
 
 logger = logging.getLogger(__name__)
@@ -15,15 +15,15 @@ logger = logging.getLogger(__name__)
 
 @dataclass(frozen=True, slots=True)
 class ScanMode:
-    """A way to scan.
+    """A scan mode.
 
     Parameters
     ----------
-    number : id to ask for it; 0 where the device has no list of modes.
-    name : of the device's choice.
+    number : id of the mode in requests; 0 where the device has no list of modes.
+    name : name that the device gives it.
     answer : type of its packets.
     us_per_sample : time from one sample to the next [us].
-    max_distance : [m]; 0 where it is not told.
+    max_distance : [m]; 0 where it is unknown.
     """
 
     number: int
@@ -34,17 +34,17 @@ class ScanMode:
 
     @property
     def request(self) -> bytes:
-        """Request that starts it."""
+        """Request that starts the scan."""
         return request(Command.SCAN) if self.answer is Answer.STANDARD else express_scan(self.number)
 
 
 def list_modes(link: Link) -> tuple[tuple[ScanMode, ...], ScanMode]:
-    """Ask for all modes that can be read here, and for the typical one.
+    """Request all scan modes that can be decoded here, and the typical one.
 
     Raises
     ------
     DriverError
-        The device does not answer, or its typical mode cannot be read.
+        The device does not answer, or its typical mode cannot be decoded.
     """
     modes = [_describe(link, number) for number in range(int(ask_number(link, Conf.MODE_COUNT)))]
     known = tuple(mode for mode in modes if mode is not None)
@@ -56,7 +56,7 @@ def list_modes(link: Link) -> tuple[tuple[ScanMode, ...], ScanMode]:
 
 
 def standard_mode(link: Link) -> ScanMode:
-    """Only mode of a device that has no list of modes."""
+    """Request the only mode of a device that has no list of modes."""
     rate = SampleRate.unpack(ask(link, Command.GET_SAMPLERATE, Answer.SAMPLE_RATE, 4))
     return ScanMode(0, "Standard", Answer.STANDARD, _checked(link, rate.standard_us))
 

@@ -1,4 +1,4 @@
-"""Hands revolutions from the thread that reads to the one that takes them."""
+"""A queue of revolutions between the reading thread and the consumer."""
 
 from collections import deque
 from threading import Condition
@@ -7,15 +7,15 @@ from features.scan import LaserScan
 
 
 class ScanQueue:
-    """The last revolutions that were not taken; where it is full, the oldest makes room.
+    """A queue of bounded size that drops the oldest revolution when it is full.
 
     Parameters
     ----------
-    capacity : revolutions that it holds, 1 or more.
+    capacity : largest number of revolutions, 1 or more.
 
     Attributes
     ----------
-    dropped : revolutions that nobody took in time.
+    dropped : number of revolutions that were dropped.
     """
 
     def __init__(self, capacity: int) -> None:
@@ -35,13 +35,13 @@ class ScanQueue:
             self._changed.notify()
 
     def end(self, failure: BaseException | None = None) -> None:
-        """Say that no more will come; who takes gets what is left, then the failure."""
+        """Mark the end: after the remaining revolutions, ``take`` raises the failure or returns None."""
         with self._changed:
             self._ended, self._failure = True, failure or self._failure
             self._changed.notify_all()
 
     def take(self, timeout: float | None) -> LaserScan | None:
-        """Oldest revolution; None where none comes in time [s], or none will come any more."""
+        """Take the oldest revolution; None after a timeout [s], or at the end."""
         with self._changed:
             self._changed.wait_for(lambda: self._scans or self._ended, timeout)
             if self._scans:
@@ -52,6 +52,6 @@ class ScanQueue:
 
     @property
     def ended(self) -> bool:
-        """Whether nothing is left and no more will come."""
+        """Whether the end was marked and all revolutions were taken."""
         with self._changed:
             return self._ended and not self._scans

@@ -1,4 +1,3 @@
-# pyright: standard
 """Fits of a straight line to the points of one segment, one interface for all methods."""
 
 import numpy as np

@@ -23,15 +23,15 @@ def demo(
     from slam.config_file import load_config
     from slam.evaluation.evaluate import evaluate_simulated
     from slam.pipeline import Slam
-    from slam.run.checkpoint import Stand
+    from slam.run.checkpoint import LogPosition
     from slam.run.folder import claimed, default_folder
     from slam.run.progress_bar import ProgressBar
     from slam.run.session import Session
 
     source = room_run(seed)
-    config = load_config(None, source_preset=source.sensor, source_mounting=source.mounting, seed=seed)
+    config = load_config(None, source=source.info, seed=seed)
     with claimed(out or default_folder("demo", datetime.now()), overwrite=overwrite) as folder:
-        result, error = Session(Slam(config), Stand(source.name), ProgressBar(source.name)).run(source)
+        result, error = Session(Slam(config), LogPosition(source.name), ProgressBar(source.name)).run(source)
         evaluation = evaluate_simulated(source, result)
         metrics = replace(result.metrics, ate_rmse_m=evaluation.ate_rmse_m, landmark_rmse_m=evaluation.landmark_rmse_m)
         save(folder, "Simulated room", replace(result, metrics=metrics), error)

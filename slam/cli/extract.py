@@ -20,12 +20,15 @@ def extract_scan(
     config: Config = None,
 ) -> None:
     """Show the lines and corners of one scan of a log."""
+    from dataclasses import replace
+
     from drivers.open_log import open_log
     from slam.config_file import load_config
     from slam.study.one_scan import feature_lines, scan_features
 
     source = open_log(log, scan_topic=scan_topic, odom_topic=odom_topic)
-    effective = load_config(config, preset=sensor, source_preset=source.sensor, source_mounting=source.mounting)
+    # Odometry is of no use here: a configuration that asks for it is no error.
+    effective = load_config(config, preset=sensor, source=replace(source.info, has_odometry=True))
     taken, features = scan_features(source, scan, effective)
     typer.echo("\n".join(feature_lines(taken, features)))
     if plot is not None:

@@ -17,7 +17,9 @@ from slam.cli.extract import extract_scan
 from slam.cli.run import run
 from slam.cli.scanner.devices import devices
 from slam.cli.scanner.emulate import emulate
-from slam.cli.scanner.live import live, record, replay
+from slam.cli.scanner.live import live
+from slam.cli.scanner.record import record
+from slam.cli.scanner.replay import replay
 from slam.cli.study import study
 from slam.cli.world import export, simulate, world
 

@@ -44,12 +44,12 @@ def run(
     """Process a recorded log into a run folder: trajectory, landmarks, metrics, configuration and map."""
     from datetime import datetime
 
-    from drivers.excerpt import Excerpt
     from drivers.open_log import open_log
+    from drivers.subsampling import Subsampled
     from slam.config import without_identities
     from slam.config_file import check_same, load_config
     from slam.pipeline import Slam
-    from slam.run.checkpoint import Stand, discard_checkpoint, read_checkpoint
+    from slam.run.checkpoint import LogPosition, discard_checkpoint, read_checkpoint
     from slam.run.folder import claimed, default_folder
     from slam.run.progress_bar import ProgressBar
     from slam.run.session import Session
@@ -57,29 +57,22 @@ def run(
     if resume and (out is None or overwrite):
         raise typer.BadParameter("give the stopped run with --out, and no --overwrite", param_hint="--resume")
     path = _victoria_park() if log == VICTORIA_PARK and not log.exists() else log
-    source = Excerpt(open_log(path, scan_topic=scan_topic, odom_topic=odom_topic), every, skip)
+    source = Subsampled(open_log(path, scan_topic=scan_topic, odom_topic=odom_topic), every, skip)
 
     def asked() -> SlamConfig:
-        given = load_config(
-            config,
-            preset=sensor,
-            source_preset=source.sensor,
-            source_mounting=source.mounting,
-            source_odometry=source.has_odometry,
-            seed=seed,
-        )
+        given = load_config(config, preset=sensor, source=source.info, seed=seed)
         return without_identities(given) if ignore_identities else given
 
     if out is not None and resume:
-        slam, stand = read_checkpoint(out)
+        slam, position = read_checkpoint(out)
         if config is not None or sensor is not None or seed is not None or ignore_identities:
             check_same(slam.config, asked(), f"{out}: the stopped run")
     else:
-        slam, stand = Slam(asked()), Stand(source.name)
+        slam, position = Slam(asked()), LogPosition(source.name)
     with claimed(out or default_folder(source.name, datetime.now()), overwrite=overwrite or resume) as folder:
         if not resume:
             discard_checkpoint(folder)
-        result, error = Session(slam, stand, ProgressBar(source.name), folder).run(source, limit)
+        result, error = Session(slam, position, ProgressBar(source.name), folder).run(source, limit)
         save(folder, source.name, result, error)
     leave(result)
 

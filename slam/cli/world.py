@@ -121,9 +121,7 @@ def simulate(
     )
     recorder = Recorder(
         out,
-        name=source.name,
-        sensor=sensor,
-        mounting=source.mounting,
+        source.info,
         walls=source.world.walls,
         glass=source.world.glass,
         overwrite=overwrite,
@@ -166,7 +164,7 @@ def export(
             'run it with source = "lines" in [odometry]',
             err=True,
         )
-    sensor = load_config(None, source_preset=source.sensor).sensor
+    sensor = load_config(None, source=source.info).sensor
     write_carmen(out, source, source.mounting, sensor.range_max_m)
     typer.echo(f"{to}: {out}")
 

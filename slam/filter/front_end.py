@@ -15,7 +15,7 @@ from features.sensor import SensorModel
 from features.signature import Kind, alike
 from slam.filter.association import Association, Associator, Gates, associate, associate_identified
 from slam.filter.ekf import POSE_DIM, LandmarkEkf, block_diagonal, corner_jacobian_blocks
-from slam.filter.landmark_table import GONE, LOCAL, LandmarkTable
+from slam.filter.landmark_table import ACTIVE, REMOVED, LandmarkTable
 from slam.odometry.beams import seen_through
 
 Indices = NDArray[np.int64]
@@ -38,7 +38,7 @@ class FrontEnd:
     ----------
     ekf : the filter.
     table : what is known of every landmark.
-    local : landmarks in the order of the filter's state, shape (n,).
+    active : landmarks in the order of the filter's state, shape (n,).
     returned : the latest observations were also of landmarks at rest, known by their identity: the graph knows more of
         where the robot is than the filter does.
     """
@@ -53,7 +53,7 @@ class FrontEnd:
     ) -> None:
         self.ekf = LandmarkEkf(pose_world_robot, cov)
         self.table = LandmarkTable()
-        self.local: Indices = np.empty(0, np.int64)
+        self.active: Indices = np.empty(0, np.int64)
         self.returned = False
         self._seen_at_once: set[tuple[int, int]] = set()
         self._gates = gates
@@ -80,22 +80,22 @@ class FrontEnd:
         ekf, table = self.ekf, self.table
         if identities is None:
             associator = self._associator or associate
-            association = associator(corners_robot, ekf, table.signatures(self.local), self._gates)
+            association = associator(corners_robot, ekf, table.signatures(self.active), self._gates)
             covs = corners_robot.covs[association.corners]
         else:
-            known = table.identities[self.local]
+            known = table.identities[self.active]
             association, covs = associate_identified(corners_robot, identities, ekf, known, self._gates.match)
         landmarks = np.full(len(corners_robot), -1)
         matched, new = association.corners, association.new
         self.returned = False
         if matched.size:
             ekf.observe(corners_robot.positions[matched], covs, association.landmarks)
-            landmarks[matched] = self.local[association.landmarks]
+            landmarks[matched] = self.active[association.landmarks]
             table.see(landmarks[matched], corners_robot, matched, ekf.x[2])
         if new.size:
             ekf.add_landmarks(corners_robot.positions[new], block_diagonal(corners_robot.covs[new]))
             landmarks[new] = self._enter(corners_robot, new, identities)
-            self.local = np.concatenate([self.local, landmarks[new]])
+            self.active = np.concatenate([self.active, landmarks[new]])
         self._remember_apart(landmarks[(corners_robot.kinds == Kind.POINT) & (landmarks >= 0)])
         return replace(association, landmarks=landmarks[matched]), landmarks
 
@@ -107,7 +107,7 @@ class FrontEnd:
         landmarks = table.find(identities[new])
         back = landmarks >= 0
         self.returned = bool(back.any())
-        table.wake(landmarks[back], np.zeros(back.sum()))
+        table.activate(landmarks[back], np.zeros(back.sum()))
         table.see(landmarks[back], corners_robot, new[back], heading)
         landmarks[~back] = table.add(corners_robot, new[~back], heading, identities[new[~back]])
         return landmarks
@@ -116,55 +116,55 @@ class FrontEnd:
         """Points that were seen at once are not one, however near they are."""
         self._seen_at_once.update(combinations(sorted(points.tolist()), 2))
 
-    def miss(self, scan: LaserScan, sensor: SensorModel, seen: Indices) -> None:
+    def count_misses(self, scan: LaserScan, sensor: SensorModel, seen: Indices) -> None:
         """End landmarks whose place the beams went through more often than they were seen; none ``seen`` just now."""
-        if not self.local.size:
+        if not self.active.size:
             return
         missed = seen_through(scan, sensor, transform_inverse(self.ekf.pose, self.ekf.landmarks))
-        missed &= ~_among(self.local, seen)
-        self.table.misses[self.local[missed]] += 1
-        over = self.table.misses[self.local] > self.table.observations[self.local]
-        self.table.key_frames[self.local[over]] = GONE
+        missed &= ~_among(self.active, seen)
+        self.table.misses[self.active[missed]] += 1
+        over = self.table.misses[self.active] > self.table.observations[self.active]
+        self.table.key_frames[self.active[over]] = REMOVED
         self._drop(over)
 
     def merge(self) -> list[tuple[int, int]]:
         """Merge landmarks that are one; return the pairs, the landmark that is kept first (eq. M46-M47)."""
         merged = []
         while (pair := self._duplicates()) is not None:
-            kept, other = sorted(pair, key=lambda slot: int(self.local[slot]))
-            self._tie(kept, other)
-            merged.append((int(self.local[kept]), int(self.local[other])))
+            kept, other = sorted(pair, key=lambda slot: int(self.active[slot]))
+            self._constrain_equal(kept, other)
+            merged.append((int(self.active[kept]), int(self.active[other])))
             self.table.merge(*merged[-1])
-            self._drop(np.arange(self.local.size) == other)
+            self._drop(np.arange(self.active.size) == other)
         return merged
 
-    def rest(self, key_frame: int, seen: Indices) -> None:
+    def deactivate_far(self, key_frame: int, seen: Indices) -> None:
         """Settle the landmarks ``seen`` from a key frame that is here, and lay those far from the robot to rest.
 
         A landmark that no key frame has seen settles here.
         """
-        if not self.local.size:
+        if not self.active.size:
             return
         table = self.table
-        seen_now = _among(self.local, seen)
-        slots = np.flatnonzero(seen_now | (table.homes[self.local] == LOCAL))
+        seen_now = _among(self.active, seen)
+        slots = np.flatnonzero(seen_now | (table.anchors[self.active] == ACTIVE))
         if slots.size:
             positions_robot, cov = self.ekf.relative(slots)
             own = np.arange(slots.size)
             covs = cov.reshape(slots.size, 2, slots.size, 2)[own, :, own]
-            table.settle(self.local[slots], key_frame, self.ekf.x[2], positions_robot, covs)
+            table.anchor(self.active[slots], key_frame, self.ekf.x[2], positions_robot, covs)
         x, y = (self.ekf.landmarks - self.ekf.x[:2]).T
         far = ~seen_now & (np.hypot(x, y) > self._keep_distance)
         if far.any():
-            table.rest(self.local[far])
+            table.deactivate(self.active[far])
             self._drop(far)
 
     def rebase(self, pose_world_robot: Pose, cov: Array) -> None:
         """Put the robot where the graph has it; the landmarks near it go along."""
-        self.table.rebase(self.local, wrap_angle(float(pose_world_robot[2] - self.ekf.x[2])))
+        self.table.rebase(self.active, wrap_angle(float(pose_world_robot[2] - self.ekf.x[2])))
         self.ekf.rebase(pose_world_robot, cov)
 
-    def wake(self, poses_world_robot: Array, key_frames: Indices, cov: Array) -> None:
+    def reactivate(self, poses_world_robot: Array, key_frames: Indices, cov: Array) -> None:
         """Take landmarks near the robot back from rest (eq. M44-M45).
 
         Parameters
@@ -175,21 +175,21 @@ class FrontEnd:
         """
         table = self.table
         known = np.flatnonzero(np.isin(table.key_frames, key_frames))
-        homes = poses_world_robot[table.key_frames[known]]
-        positions_world = homes[:, :2] + rotate_each(table.positions[known], homes[:, 2])
+        anchor_poses = poses_world_robot[table.key_frames[known]]
+        positions_world = anchor_poses[:, :2] + rotate_each(table.positions[known], anchor_poses[:, 2])
         near = np.hypot(*(positions_world - self.ekf.x[:2]).T) < self._keep_distance
-        known, homes, positions_world = known[near], homes[near], positions_world[near]
+        known, anchor_poses, positions_world = known[near], anchor_poses[near], positions_world[near]
         if not known.size:
             return
         state = np.concatenate([self.ekf.pose, positions_world.ravel()])
         by_pose = corner_jacobian_blocks(state, np.arange(len(known)))[0].reshape(-1, POSE_DIM)
-        turns = homes[:, 2] - self.ekf.x[2]
+        turns = anchor_poses[:, 2] - self.ekf.x[2]
         c, s = np.cos(turns), np.sin(turns)
         axes = np.array([[c, -s], [s, c]]).transpose(2, 0, 1)
         own = block_diagonal(axes @ table.covs[known] @ axes.transpose(0, 2, 1))
         self.ekf.add_landmarks(transform_inverse(self.ekf.pose, positions_world), own + by_pose @ cov @ by_pose.T)
-        table.wake(known, homes[:, 2])
-        self.local = np.concatenate([self.local, known])
+        table.activate(known, anchor_poses[:, 2])
+        self.active = np.concatenate([self.active, known])
 
     def _duplicates(self) -> tuple[int, int] | None:
         """Places of two landmarks that are one: as near as their covariance allows, of the same kind and signature."""
@@ -198,11 +198,11 @@ class FrontEnd:
         if not near.size:
             return None
         first, second = np.array(np.triu_indices(len(landmarks), 1))[:, near]
-        signatures, identities = self.table.signatures(self.local), self.table.identities[self.local]
+        signatures, identities = self.table.signatures(self.active), self.table.identities[self.active]
         one = alike(signatures[first], signatures[second], gates.opening, gates.orientation)
         one &= identities[first] == identities[second]
         for i, j in zip(first[one].tolist(), second[one].tolist(), strict=True):
-            if tuple(sorted((int(self.local[i]), int(self.local[j])))) in self._seen_at_once:
+            if tuple(sorted((int(self.active[i]), int(self.active[j])))) in self._seen_at_once:
                 continue
             difference = landmarks[i] - landmarks[j]
             H = self._difference(i, j)
@@ -210,7 +210,7 @@ class FrontEnd:
                 return i, j
         return None
 
-    def _tie(self, kept: int, other: int) -> None:
+    def _constrain_equal(self, kept: int, other: int) -> None:
         """Update with the knowledge that two landmarks are one."""
         H = self._difference(kept, other)
         self.ekf.update(np.zeros(2), lambda x: H, lambda x: H @ x, R=MERGE_SIGMA**2 * np.eye(2))
@@ -222,7 +222,7 @@ class FrontEnd:
     def _drop(self, dropped: NDArray[np.bool_]) -> None:
         if dropped.any():
             self.ekf.forget(np.flatnonzero(dropped))
-            self.local = self.local[~dropped]
+            self.active = self.active[~dropped]
 
 
 def _among(indices: Indices, others: Indices) -> NDArray[np.bool_]:

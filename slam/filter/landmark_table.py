@@ -11,7 +11,7 @@ from features.signature import Signatures
 
 Indices = NDArray[np.int64]
 
-LOCAL, MERGED, GONE = -1, -2, -3
+ACTIVE, MERGED, REMOVED = -1, -2, -3
 """Instead of a key frame: the landmark is in the filter's state, is another one by now, or is no more."""
 
 
@@ -50,9 +50,9 @@ class LandmarkTable:
     identities : by which the source knows each, -1 for none, shape (n,).
     observations : times each was seen, shape (n,).
     misses : times each should have been seen, but the beams went through its place, shape (n,).
-    key_frames : key frame that a landmark at rest is known from, or :data:`LOCAL`, :data:`MERGED`, :data:`GONE`,
+    key_frames : key frame that a landmark at rest is known from, or :data:`ACTIVE`, :data:`MERGED`, :data:`REMOVED`,
         shape (n,).
-    homes : key frame that saw each landmark last, :data:`LOCAL` where none has yet, shape (n,).
+    anchors : key frame that saw each landmark last, :data:`ACTIVE` where none has yet, shape (n,).
     headings : of the robot at home, in the frame that the orientations of landmarks in the state are told in, shape
         (n,) [rad].
     positions, covs : as seen from home, robot frame, shapes (n, 2) [m] and (n, 2, 2) [m^2].
@@ -65,7 +65,7 @@ class LandmarkTable:
         self.observations: Indices = np.empty(0, np.int64)
         self.misses: Indices = np.empty(0, np.int64)
         self.key_frames: Indices = np.empty(0, np.int64)
-        self.homes: Indices = np.empty(0, np.int64)
+        self.anchors: Indices = np.empty(0, np.int64)
         self.headings: Array = np.empty(0)
         self.positions: Array = np.empty((0, 2))
         self.covs: Array = np.empty((0, 2, 2))
@@ -82,9 +82,9 @@ class LandmarkTable:
 
     def signatures_world(self, landmarks: Indices, headings: Array) -> Signatures:
         """Signatures of landmarks, world frame, given the headings of all key frames in it, shape (k,) [rad]."""
-        homes = self.homes[landmarks]
-        headings_before = np.where(self.key_frames[landmarks] == LOCAL, self.headings[landmarks], 0.0)
-        turns = np.where(homes == LOCAL, 0.0, headings[homes] - headings_before)
+        anchors = self.anchors[landmarks]
+        headings_before = np.where(self.key_frames[landmarks] == ACTIVE, self.headings[landmarks], 0.0)
+        turns = np.where(anchors == ACTIVE, 0.0, headings[anchors] - headings_before)
         return self.signatures(landmarks).turned(turns)
 
     def find(self, identities: Indices) -> Indices:
@@ -99,7 +99,7 @@ class LandmarkTable:
     def counts(self, least_observations: int) -> LandmarkCounts:
         """Count what became of them, given how often a landmark has to be seen to be confirmed."""
         confirmed = int(self.confirmed(least_observations).sum())
-        pruned, merged = int((self.key_frames == GONE).sum()), int((self.key_frames == MERGED).sum())
+        pruned, merged = int((self.key_frames == REMOVED).sum()), int((self.key_frames == MERGED).sum())
         tentative = len(self) - confirmed - pruned - merged
         return LandmarkCounts(len(self), tentative, confirmed, pruned, merged, self._rested, self._woken)
 
@@ -114,8 +114,8 @@ class LandmarkTable:
         self.identities = np.concatenate([self.identities, known])
         self.observations = np.concatenate([self.observations, np.ones(count, np.int64)])
         self.misses = np.concatenate([self.misses, np.zeros(count, np.int64)])
-        self.key_frames = np.concatenate([self.key_frames, np.full(count, LOCAL)])
-        self.homes = np.concatenate([self.homes, np.full(count, LOCAL)])
+        self.key_frames = np.concatenate([self.key_frames, np.full(count, ACTIVE)])
+        self.anchors = np.concatenate([self.anchors, np.full(count, ACTIVE)])
         self.headings = np.concatenate([self.headings, np.full(count, np.nan)])
         self.positions = np.concatenate([self.positions, np.full((count, 2), np.nan)])
         self.covs = np.concatenate([self.covs, np.full((count, 2, 2), np.nan)])
@@ -126,25 +126,25 @@ class LandmarkTable:
         self._sums[landmarks] += _signature(corners_robot, chosen, heading)
         self.observations[landmarks] += 1
 
-    def settle(self, landmarks: Indices, key_frame: int, heading: float, positions_robot: Array, covs: Array) -> None:
+    def anchor(self, landmarks: Indices, key_frame: int, heading: float, positions_robot: Array, covs: Array) -> None:
         """Remember where landmarks are from a key frame of that heading: positions (k, 2), covariances (k, 2, 2)."""
-        self.homes[landmarks] = key_frame
+        self.anchors[landmarks] = key_frame
         self.headings[landmarks] = heading
         self.positions[landmarks] = positions_robot
         self.covs[landmarks] = covs
 
-    def rest(self, landmarks: Indices) -> None:
+    def deactivate(self, landmarks: Indices) -> None:
         """Lay landmarks that have a home to rest there."""
         self._rested += len(landmarks)
         self.turn(landmarks, -self.headings[landmarks])
-        self.key_frames[landmarks] = self.homes[landmarks]
+        self.key_frames[landmarks] = self.anchors[landmarks]
 
-    def wake(self, landmarks: Indices, headings: Array) -> None:
+    def activate(self, landmarks: Indices, headings: Array) -> None:
         """Take landmarks from rest into the state, where their key frames have these headings."""
         self._woken += len(landmarks)
         self.turn(landmarks, headings)
         self.headings[landmarks] = headings
-        self.key_frames[landmarks] = LOCAL
+        self.key_frames[landmarks] = ACTIVE
 
     def turn(self, landmarks: Indices, angle: Array | float) -> None:
         """Turn the orientation of landmarks, as the frame does that they are told in [rad]."""
@@ -160,8 +160,8 @@ class LandmarkTable:
         self._sums[kept] += self._sums[other]
         self.observations[kept] += self.observations[other]
         self.misses[kept] += self.misses[other]
-        if self.homes[other] > self.homes[kept]:
-            for column in (self.homes, self.headings, self.positions, self.covs):
+        if self.anchors[other] > self.anchors[kept]:
+            for column in (self.anchors, self.headings, self.positions, self.covs):
                 column[kept] = column[other]
         self.key_frames[other] = MERGED
 

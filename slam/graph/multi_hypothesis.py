@@ -10,14 +10,14 @@ from numpy.typing import NDArray
 from features.feature import Corners
 from features.se2 import Array, Pose
 from slam.filter.ekf import POSE_DIM
-from slam.graph.multi_hypothesis_kernel import move, succeed, weigh
+from slam.graph.multi_hypothesis_kernel import branch, move, score
 
 Indices = NDArray[np.int64]
 
 MOST_HYPOTHESES = 100
 """Kept after an observation, those of the greatest likelihood."""
 
-DOUBT = 15.0
+PRUNING_MARGIN = 15.0
 """Log-likelihood by which a hypothesis may stand behind the best one and still turn out right."""
 
 MEMORY = 10
@@ -76,23 +76,23 @@ def most_likely(pose_world_robot: Pose, cov: Array, sightings: Sequence[Sighting
             if counts.max() == taken.shape[1]:
                 states, covs, taken = _more_room(states, covs, taken)
             seen = np.ascontiguousarray(position), np.ascontiguousarray(position_cov)
-            likelihoods = scores[:, None] + weigh(states, covs, counts, taken, *seen, math.log(NEW_DENSITY))
+            likelihoods = scores[:, None] + score(states, covs, counts, taken, *seen, math.log(NEW_DENSITY))
             parents, landmarks = _best(likelihoods, counts, latest)
             scores = likelihoods[parents, landmarks]
             scores -= scores[0]
-            states, covs, counts = succeed(states, covs, counts, parents, landmarks, *seen)
+            states, covs, counts = branch(states, covs, counts, parents, landmarks, *seen)
             latest = np.column_stack([landmarks, latest[parents, :-1]])
             taken = taken[parents]
             taken[np.arange(len(parents)), landmarks] = True
             steps.append((parents, landmarks))
-    return _trace(steps, [len(sighting.points_robot) for sighting in sightings])
+    return _backtrack(steps, [len(sighting.points_robot) for sighting in sightings])
 
 
 def _best(likelihoods: Array, counts: Indices, latest: Indices) -> tuple[Indices, Indices]:
     """Parents and landmarks of the hypotheses that go on, the most likely first; of those alike the likelier one."""
     order = np.argsort(-likelihoods, axis=None, kind="stable")
     values = likelihoods.ravel()[order]
-    order = order[values >= values[0] - DOUBT]
+    order = order[values >= values[0] - PRUNING_MARGIN]
     parents, landmarks = np.divmod(order, likelihoods.shape[1])
     alike = np.column_stack([np.maximum(counts[parents], landmarks + 1), landmarks, latest[parents, :-1]])
     first = np.sort(np.unique(alike, axis=0, return_index=True)[1])[:MOST_HYPOTHESES]
@@ -109,7 +109,7 @@ def _more_room(states: Array, covs: Array, taken: NDArray[np.bool_]) -> tuple[Ar
     )
 
 
-def _trace(steps: list[tuple[Indices, Indices]], counts: list[int]) -> list[Indices]:
+def _backtrack(steps: list[tuple[Indices, Indices]], counts: list[int]) -> list[Indices]:
     """Landmarks along the ancestors of the hypothesis that is first at the end, by sighting."""
     landmarks = np.empty(len(steps), np.int64)
     hypothesis = 0

@@ -49,7 +49,7 @@ def move(states, covs, counts, motion, motion_cov):
 
 
 @kernel(f8[:, ::1], f8[:, :, ::1], i8[::1], b1[:, ::1], f8[::1], f8[:, ::1], f8)
-def weigh(states, covs, counts, taken, position, position_cov, new):
+def score(states, covs, counts, taken, position, position_cov, new):
     """Log-likelihood of an observation as each landmark of each filter, or as a new one (eq. M60).
 
     Parameters
@@ -89,10 +89,10 @@ def weigh(states, covs, counts, taken, position, position_cov, new):
 
 
 @kernel(f8[:, ::1], f8[:, :, ::1], i8[::1], i8[::1], i8[::1], f8[::1], f8[:, ::1])
-def succeed(states, covs, counts, parents, landmarks, position, position_cov):
+def branch(states, covs, counts, parents, landmarks, position, position_cov):
     """Update copies of ``parents``, shape (k,), with an observation of ``landmarks``, shape (k,).
 
-    A landmark behind the parent's last is new (eq. M16-M17); there is room for it. Parameters as for :func:`weigh`.
+    A landmark behind the parent's last is new (eq. M16-M17); there is room for it. Parameters as for :func:`score`.
 
     Returns
     -------

@@ -9,9 +9,9 @@ from scipy.stats import chi2
 from features.feature import Corners
 from features.se2 import Array, Pose, between, compose, inverse
 from slam.graph.values import Closure
-from slam.loop.constellation import gather
+from slam.loop.constellation import collect_constellation
 from slam.loop.dead_reckoning import DeadReckoning
-from slam.loop.geometric_hashing import PlaceIndex
+from slam.loop.geometric_hashing import GeometricHash
 from slam.loop.rules import LoopCounts, LoopRules
 from slam.loop.verification import closure_of, position_sigma, walls_world
 from slam.odometry.registration import Registration, RegistrationRules, register
@@ -23,20 +23,20 @@ UNKNOWN = np.diag([1.0, 1.0, math.radians(10.0)]) ** 2
 """Covariance of where a hypothesis puts the robot, in its axes."""
 
 POSSIBLE = float(chi2.ppf(0.9999, 3))
-"""Squared Mahalanobis distance from dead reckoning beyond which a hypothesis is not looked at (eq. M51)."""
+"""Squared Mahalanobis distance from dead reckoning beyond which a hypothesis is dropped (eq. M51)."""
 
 BLUR = np.diag([0.3, 0.3, math.radians(3.0)]) ** 2
 """Covariance of a place by its corners, and what dead reckoning does not know of itself."""
 
 BROKEN = 0.3
-"""Standard deviation of a motion beyond which key frames before and after it make no passage [m]."""
+"""Standard deviation of a motion beyond which key frames before and after it make no submap [m]."""
 
 
 class LoopCloser:
-    """Finds closures of the newest passage.
+    """Finds closures of the newest submap.
 
     One registration may be deceived. Near by, where it would move the newest key frame, the next look has to find the
-    same. A constellation needs several key frames of its passage that fit alike. Nothing is believed that dead
+    same. A constellation needs several key frames of its submap that fit alike. Nothing is believed that dead
     reckoning denies: buildings repeat themselves.
 
     Attributes
@@ -49,13 +49,13 @@ class LoopCloser:
         self._rules = rules
         self._scans: list[ScanPoints] = []
         self._corners: list[Corners] = []
-        self._way: list[float] = []
+        self._path_lengths: list[float] = []
         self._breaks: list[int] = []
         self._reckoning = DeadReckoning()
-        self._looked = -math.inf
-        self._closed = -math.inf
+        self._last_search = -math.inf
+        self._last_closure = -math.inf
         self._hypothesis: tuple[int, Pose] | None = None
-        self._index = PlaceIndex()
+        self._index = GeometricHash()
         self._places: list[int] = []
         self._indexed = 0.0
 
@@ -66,28 +66,28 @@ class LoopCloser:
         ----------
         scan, corners_robot : what it shows, robot frame.
         motion, motion_cov : its pose in the frame of the key frame before, shape (3,), and the covariance of the
-            coordinates, shape (3, 3); not looked at for the first one.
+            coordinates, shape (3, 3); ignored for the first one.
         """
         travel = math.hypot(motion[0], motion[1]) if self._scans else 0.0
         self._scans.append(scan)
         self._corners.append(corners_robot)
-        self._way.append((self._way[-1] if self._way else 0.0) + travel)
+        self._path_lengths.append((self._path_lengths[-1] if self._path_lengths else 0.0) + travel)
         broken = bool(self._breaks) and np.linalg.eigvalsh(motion_cov[:2, :2])[1] > BROKEN**2
         self._breaks.append((self._breaks[-1] if self._breaks else 0) + broken)
         self._reckoning.add(motion, motion_cov)
 
     def find(self, poses_world_robot: Array) -> list[Closure]:
-        """Closures of the newest passage, given where all key frames are, shape (n, 3); none that is not certain."""
+        """Closures of the newest submap, given where all key frames are, shape (n, 3); none that is not certain."""
         newest = len(self._scans) - 1
-        if self._way[newest] - self._looked < self._rules.spacing:
+        if self._path_lengths[newest] - self._last_search < self._rules.spacing:
             return []
-        self._looked = self._way[newest]
+        self._last_search = self._path_lengths[newest]
         self._remember_places(poses_world_robot)
         found = self._near(newest, poses_world_robot)
         if found is None:
             self._hypothesis = None
-            # A passage that is tied to an earlier one already would be told the same again.
-            tied = self._way[newest] - self._closed <= self._rules.constellation
+            # A submap that is tied to an earlier one would only be tied to it again.
+            tied = self._path_lengths[newest] - self._last_closure <= self._rules.constellation
             closures = [] if tied else self._by_corners(newest, poses_world_robot)
         else:
             older, fit = found
@@ -99,22 +99,24 @@ class LoopCloser:
             self.counts.rejected += not confirmed
             closures = [closure_of(older, newest, poses_world_robot[older], fit)] if confirmed else []
         if closures:
-            self._closed = self._way[newest]
+            self._last_closure = self._path_lengths[newest]
         self.counts.accepted += len(closures)
         return closures
 
-    def passage(self, key_frame: int) -> NDArray[np.int64]:
-        """Key frames, except those of this visit, within a passage of the way of one, on either side of it."""
-        return self._about(key_frame, 2.0 * self._rules.passage)
+    def submap(self, key_frame: int) -> NDArray[np.int64]:
+        """Earlier key frames within two submap lengths of one along the path; none of the present visit."""
+        return self._about(key_frame, 2.0 * self._rules.submap_length)
 
     def _about(self, key_frame: int, reach: float) -> NDArray[np.int64]:
-        way = np.array(self._way)
-        return np.flatnonzero((np.abs(way - way[key_frame]) <= reach) & (way < way[-1] - self._rules.apart))
+        lengths = np.array(self._path_lengths)
+        return np.flatnonzero(
+            (np.abs(lengths - lengths[key_frame]) <= reach) & (lengths < lengths[-1] - self._rules.apart)
+        )
 
     def _follows(self, hypothesis: tuple[int, Pose], correction: Pose, here: Pose) -> bool:
         """Whether a correction puts the robot where the look before did, and that one is not long ago."""
-        looked, earlier = hypothesis
-        recent = self._way[-1] - self._way[looked] <= 4.0 * self._rules.spacing
+        searched, earlier = hypothesis
+        recent = self._path_lengths[-1] - self._path_lengths[searched] <= 4.0 * self._rules.spacing
         return recent and self._agree(compose(earlier, here), compose(correction, here))
 
     def _agree(self, one: Pose, other: Pose) -> bool:
@@ -126,18 +128,18 @@ class LoopCloser:
         )
 
     def _near(self, newest: int, poses_world_robot: Array) -> tuple[int, Registration] | None:
-        """Fit of the newest key frame to the walls of a passage about where it is believed to be."""
+        """Fit of the newest key frame to the walls of a submap about where it is believed to be."""
         rules = self._rules
-        way = np.array(self._way)
+        lengths = np.array(self._path_lengths)
         here = poses_world_robot[newest]
         apart = np.hypot(*(poses_world_robot[:newest, :2] - here[:2]).T)
-        near = np.flatnonzero((way[:newest] < way[newest] - rules.apart) & (apart < rules.reach))
+        near = np.flatnonzero((lengths[:newest] < lengths[newest] - rules.apart) & (apart < rules.reach))
         best: tuple[int, Registration] | None = None
         while near.size:
             nearest = int(near[apart[near].argmin()])
-            passage = near[np.abs(way[near] - way[nearest]) <= rules.passage]
+            submap = near[np.abs(lengths[near] - lengths[nearest]) <= rules.submap_length]
             self.counts.proposed_near += 1
-            fit = self._fit(newest, walls_world(self._scans, passage, poses_world_robot), here)
+            fit = self._fit(newest, walls_world(self._scans, submap, poses_world_robot), here)
             motion = between(poses_world_robot[nearest], fit.pose_map_robot)
             if (
                 self._certain(fit)
@@ -145,14 +147,16 @@ class LoopCloser:
                 and self._possible(np.array([nearest]), motion[None])[0]
             ):
                 best = nearest, fit
-            near = near[np.abs(way[near] - way[nearest]) > 2.0 * rules.passage]
+            near = near[np.abs(lengths[near] - lengths[nearest]) > 2.0 * rules.submap_length]
         return best
 
     def _by_corners(self, newest: int, poses_world_robot: Array) -> list[Closure]:
-        """Closures of the newest passage and the one place on which its constellation lies."""
-        way = np.array(self._way)
-        here = self._unbroken(newest, np.flatnonzero(way > way[newest] - self._rules.constellation))
-        corners = gather(_relative(newest, here, poses_world_robot), [self._corners[key] for key in here])
+        """Closures of the newest submap and the one place on which its constellation lies."""
+        lengths = np.array(self._path_lengths)
+        here = self._unbroken(newest, np.flatnonzero(lengths > lengths[newest] - self._rules.constellation))
+        corners = collect_constellation(
+            _relative(newest, here, poses_world_robot), [self._corners[key] for key in here]
+        )
         places = np.array(self._places, np.int64)
         proposals = self._index.propose(
             corners, self._rules.corners, lambda hits, poses: self._possible(places[hits], poses)
@@ -162,32 +166,35 @@ class LoopCloser:
         for proposal in proposals:
             older = self._places[proposal.place]
             start = compose(poses_world_robot[older], proposal.pose_place_robot)
-            witnesses = self._witnesses(older, newest, start, poses_world_robot)
-            if witnesses is None:
+            supporters = self._supporters(older, newest, start, poses_world_robot)
+            if supporters is None:
                 self.counts.rejected += 1
             else:
-                verified.append(witnesses)
+                verified.append(supporters)
         if any(not self._agree(verified[0][0], pose) for pose, _ in verified[1:]):
             # Two places that fit as well: one of them is a copy.
             self.counts.rejected += len(verified)
             return []
         return verified[0][1] if verified else []
 
-    def _witnesses(
+    def _supporters(
         self, older: int, newest: int, start: Pose, poses_world_robot: Array
     ) -> tuple[Pose, list[Closure]] | None:
-        """Pose of the newest key frame, and closures by those of its passage that fit a place alike (eq. M54)."""
+        """Pose of the newest key frame, and closures by those of its submap that fit a place alike (eq. M54)."""
         rules = self._rules
-        passage = self._unbroken(older, self._about(older, rules.constellation))
-        walls = walls_world(self._scans, passage, poses_world_robot)
+        submap = self._unbroken(older, self._about(older, rules.constellation))
+        walls = walls_world(self._scans, submap, poses_world_robot)
         fits: list[tuple[int, Registration, Pose]] = []
         tried = math.inf
         for key in range(newest, -1, -1):
-            if self._way[key] < self._way[newest] - rules.constellation or self._breaks[key] != self._breaks[newest]:
+            if (
+                self._path_lengths[key] < self._path_lengths[newest] - rules.constellation
+                or self._breaks[key] != self._breaks[newest]
+            ):
                 break
-            if self._way[key] > tried - rules.witness_spacing:
+            if self._path_lengths[key] > tried - rules.supporter_spacing:
                 continue
-            tried = self._way[key]
+            tried = self._path_lengths[key]
             motion = between(poses_world_robot[newest], poses_world_robot[key])
             fit = self._fit(key, walls, compose(start, motion))
             if self._certain(fit):
@@ -195,7 +202,7 @@ class LoopCloser:
         # Those that agree with the one with which most do.
         alike = [[each for each in fits if self._agree(one[2], each[2])] for one in fits]
         agreed = max(alike, key=len, default=[])
-        if len(agreed) < rules.witnesses:
+        if len(agreed) < rules.supporters:
             return None
         _, _, pose = max(agreed, key=lambda each: each[1].share)
         return pose, [closure_of(older, key, poses_world_robot[older], fit) for key, fit, _ in agreed]
@@ -203,14 +210,14 @@ class LoopCloser:
     def _remember_places(self, poses_world_robot: Array) -> None:
         """Index the passages that are far enough behind to be seen again."""
         rules = self._rules
-        way = np.array(self._way)
-        while self._indexed + rules.constellation < way[-1] - rules.apart:
-            keys = np.flatnonzero((way >= self._indexed) & (way <= self._indexed + rules.constellation))
+        lengths = np.array(self._path_lengths)
+        while self._indexed + rules.constellation < lengths[-1] - rules.apart:
+            keys = np.flatnonzero((lengths >= self._indexed) & (lengths <= self._indexed + rules.constellation))
             if keys.size:
                 middle = int(keys[keys.size // 2])
                 keys = self._unbroken(middle, keys)
                 home = _relative(middle, keys, poses_world_robot)
-                self._index.add(gather(home, [self._corners[key] for key in keys]))
+                self._index.add(collect_constellation(home, [self._corners[key] for key in keys]))
                 self._places.append(middle)
             self._indexed += rules.constellation / 3.0
 

@@ -1,4 +1,4 @@
-"""Constellations of corners: the corners of a passage, and how one constellation lies on another."""
+"""Constellations of corners: the corners of a submap, and how one constellation lies on another."""
 
 import math
 from collections.abc import Sequence
@@ -12,7 +12,7 @@ from features.se2 import Array, Pose, align, transform, wrap_angle
 from features.signature import Signatures, alike
 
 SAME_DISTANCE = 0.3
-"""Corners of one passage that are nearer than this, of one kind and signature, are one [m]."""
+"""Corners of one submap that are nearer than this, of one kind and signature, are one [m]."""
 
 SAME_ANGLE = math.radians(25.0)
 """How far orientations and opening angles of one corner may differ [rad]."""
@@ -20,7 +20,7 @@ SAME_ANGLE = math.radians(25.0)
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Constellation:
-    """Corners of a passage, each once, in one frame.
+    """Corners of a submap, each once, in one frame.
 
     Parameters
     ----------
@@ -35,7 +35,7 @@ class Constellation:
         return len(self.positions)
 
 
-def gather(poses: Sequence[Pose], corners: Sequence[Corners]) -> Constellation:
+def collect_constellation(poses: Sequence[Pose], corners: Sequence[Corners]) -> Constellation:
     """Put corners that were seen from several poses together.
 
     Parameters
@@ -77,18 +77,20 @@ def _same(one: Constellation, other: Constellation, distance: float) -> NDArray[
     return near & alike(one.signatures[:, None], other.signatures, SAME_ANGLE, SAME_ANGLE)
 
 
-def lay(here: Constellation, there: Constellation, pose_there_here: Pose, distance: float) -> tuple[Pose, int]:
-    """Lay a constellation on another and move it to where corners that lie on one another fit best (eq. M53).
+def fit_constellation(
+    here: Constellation, there: Constellation, pose_there_here: Pose, distance: float
+) -> tuple[Pose, int]:
+    """Register a constellation to another by the corners that coincide (eq. M53).
 
     Parameters
     ----------
     here, there : the constellations.
-    pose_there_here : where it is laid at first, shape (3,).
+    pose_there_here : initial guess, shape (3,).
     distance : how far apart two sightings of a corner may lie [m].
 
     Returns
     -------
-    Where it then lies, shape (3,), and the number of corners that lie on one another, each counted once on either side.
+    Pose of the frame here in the frame there, shape (3,), and the number of corners that coincide.
     """
     count = 0
     for _ in range(2):

@@ -21,7 +21,7 @@ class DeadReckoning:
     def add(self, motion: Pose, motion_cov: Array) -> None:
         """Append a key frame: its pose in the frame of the one before, shape (3,), and the covariance of it, (3, 3).
 
-        The motion of the first one is not looked at.
+        The motion of the first one is ignored.
         """
         here, total = np.zeros(3), np.zeros((3, 3))
         if len(self._poses):

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from scipy.spatial import KDTree
 
 from features.se2 import Array, Pose, rotate_each, wrap_angle
-from slam.loop.constellation import SAME_ANGLE, Constellation, lay
+from slam.loop.constellation import SAME_ANGLE, Constellation, fit_constellation
 
 SHORTEST_PAIR = 1.0
 """Two corners nearer to each other than this tell little of a heading [m]."""
@@ -47,7 +47,7 @@ class Proposal:
     count: int
 
 
-class PlaceIndex:
+class GeometricHash:
     """Places that were seen, indexed by the geometry of their pairs of corners.
 
     A pair is known by its length, and by the kinds, opening angles and bisectors of its corners, these relative to it:
@@ -95,7 +95,7 @@ class PlaceIndex:
             tried.add(place)
             same = np.flatnonzero(places == place)
             start = _mean_of_voters(poses[same], poses[at], constellation.positions.mean(axis=0))
-            pose_place_robot, count = lay(constellation, self._places[place], start, CORNER_TOLERANCE)
+            pose_place_robot, count = fit_constellation(constellation, self._places[place], start, CORNER_TOLERANCE)
             if count >= least:
                 best[place] = Proposal(place, pose_place_robot, count)
         return sorted(best.values(), key=lambda proposal: -proposal.count)

@@ -10,31 +10,31 @@ class LoopRules:
 
     Parameters
     ----------
-    apart : way driven between two visits of a place [m].
-    spacing : way between two looks for a closure [m].
+    apart : path length between two visits of a place [m].
+    spacing : path length between two searches for a closure [m].
     reach : distance between key frames that may show the same place [m].
-    passage : way whose walls, before and behind a key frame, are put together [m].
-    share : of the points of a scan those that lie on walls of the passage, at least.
+    submap_length : path length whose walls, before and behind a key frame, are put together [m].
+    share : of the points of a scan those that lie on walls of the submap, at least.
     sigma : largest standard deviation of the position in its least certain direction [m].
     agree_position, agree_heading : how far two corrections in a row may differ [m, rad].
-    constellation : way whose corners make a constellation [m].
+    constellation : path length whose corners make a constellation [m].
     corners : corners, at least, in which two constellations agree.
-    witnesses : key frames of a constellation, at least, that have to fit the walls of the other alike.
-    witness_spacing : way between those that are tried [m].
+    supporters : key frames of a constellation, at least, that have to fit the walls of the other alike.
+    supporter_spacing : path length between those that are tried [m].
     """
 
     apart: float = 15.0
     spacing: float = 0.5
     reach: float = 5.0
-    passage: float = 8.0
+    submap_length: float = 8.0
     share: float = 0.6
     sigma: float = 0.05
     agree_position: float = 0.3
     agree_heading: float = math.radians(4.0)
     constellation: float = 16.0
     corners: int = 4
-    witnesses: int = 3
-    witness_spacing: float = 1.0
+    supporters: int = 3
+    supporter_spacing: float = 1.0
 
 
 @dataclass(slots=True)
@@ -45,7 +45,7 @@ class LoopCounts:
     ----------
     proposed_near, proposed_by_corners : by where the robot believes to be, and by constellations of corners.
     accepted : closures that entered the graph.
-    rejected : hypotheses that did not: no walls to fit, no second witness, or more than one place that fits.
+    rejected : hypotheses that did not: no walls to fit, no second search that agrees, or more than one place that fits.
     revoked : closures that the graph has left out in the end.
     """
 

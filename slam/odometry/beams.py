@@ -12,7 +12,7 @@ from features.scan import LaserScan
 from features.se2 import TWO_PI, Array, Pose
 from features.sensor import SensorModel
 from slam.odometry.line_map import LENGTH, NORMAL_X, NORMAL_Y, WALL_X, WALL_Y
-from slam.odometry.scan_points import ScanPoints, behind, directions_of
+from slam.odometry.scan_points import ScanPoints, beams_on_wall, pseudo_angles
 
 SEEN_THROUGH = 0.3
 """How far behind a landmark or a wall a beam has to end to have gone through [m]."""
@@ -50,7 +50,7 @@ def _seen_through(ranges, angles, range_min, range_max, points):
     return through
 
 
-def beyond_walls(scan: ScanPoints, walls: Array, pose_map_robot: Pose) -> int:
+def beams_through_walls(scan: ScanPoints, walls: Array, pose_map_robot: Pose) -> int:
     """Count the beams of a scan that, from a pose, would have gone through a wall.
 
     A beam that ends before a wall says nothing against the pose: something new may stand there.
@@ -62,13 +62,13 @@ def beyond_walls(scan: ScanPoints, walls: Array, pose_map_robot: Pose) -> int:
     pose_map_robot : shape (3,).
     """
     mounting = scan.sensor.mounting
-    return _beyond_walls(scan.points, mounting.x, mounting.y, walls, pose_map_robot)
+    return _beams_through_walls(scan.points, mounting.x, mounting.y, walls, pose_map_robot)
 
 
 @kernel(f8[:, ::1], f8, f8, f8[:, ::1], f8[::1])
-def _beyond_walls(points, origin_x, origin_y, walls, pose):
+def _beams_through_walls(points, origin_x, origin_y, walls, pose):
     n = len(points)
-    directions = directions_of(points, origin_x, origin_y)
+    directions = pseudo_angles(points, origin_x, origin_y)
     c = math.cos(pose[2])
     s = math.sin(pose[2])
     sensor_x = c * origin_x - s * origin_y
@@ -82,7 +82,7 @@ def _beyond_walls(points, origin_x, origin_y, walls, pose):
         arm_y = base_y - sensor_y
         if wall[NORMAL_X] * arm_x + wall[NORMAL_Y] * arm_y >= 0.0:
             continue
-        begin, end = behind(directions, arm_x, arm_y, wall[NORMAL_X], wall[NORMAL_Y], 0.5 * wall[LENGTH], c, s)
+        begin, end = beams_on_wall(directions, arm_x, arm_y, wall[NORMAL_X], wall[NORMAL_Y], 0.5 * wall[LENGTH], c, s)
         for m in range(begin, end):
             i = m if m < n else m - n
             x = c * points[i, 0] - s * points[i, 1] - base_x

@@ -10,7 +10,7 @@ from features.se2 import Array, Pose, between, wrap_angle
 from features.se2_kernels import compound
 
 
-class DriftingPose:
+class ClonedPose:
     """Pose of the robot in a frame that nothing ties to the world but the way driven.
 
     Parameters
@@ -32,18 +32,18 @@ class DriftingPose:
         self._covs: Array = np.empty((0, 3, 3))
         self._crosses: Array = np.empty((0, 3, 3))
 
-    def anchor(self) -> "Anchor":
+    def clone(self) -> "PoseClone":
         """Remember this moment, to tell the motion since."""
         self._poses = np.concatenate([self._poses, self.pose[None]])
         self._covs = np.concatenate([self._covs, self.cov[None]])
         self._crosses = np.concatenate([self._crosses, self.cov[None]])
-        return Anchor(self, len(self._poses) - 1)
+        return PoseClone(self, len(self._poses) - 1)
 
     def move(self, motion: Pose, motion_cov: Array) -> None:
         """Append a motion, a pose in the robot's frame before it, with the covariance of its coordinates (eq. M11)."""
         self.pose, self.cov, self.finite = compound(self.pose, self.cov, self._crosses, motion, motion_cov)
 
-    def doubt(self, slip: Array) -> None:
+    def inflate(self, slip: Array) -> None:
         """Allow for a slip since the anchors, shape (3,), that nothing foresaw, as large as it turned out (eq. M32)."""
         self.cov = self.cov + np.outer(slip, slip)
 
@@ -78,10 +78,10 @@ class DriftingPose:
         return _motion_cov(self._poses[index], self.pose, self._covs[index], self.cov, self._crosses[index])
 
 
-class Anchor:
-    """A moment of a :class:`DriftingPose`, to be had from :meth:`DriftingPose.anchor`; knows the motion since."""
+class PoseClone:
+    """A moment of a :class:`ClonedPose`, to be had from :meth:`ClonedPose.anchor`; knows the motion since."""
 
-    def __init__(self, drifting: DriftingPose, index: int) -> None:
+    def __init__(self, drifting: ClonedPose, index: int) -> None:
         self._drifting = drifting
         self._index = index
 
@@ -109,7 +109,7 @@ class Anchor:
         """Turn between that moment and now, 0 to pi [rad]."""
         return self._drifting.advance(self._index)[1]
 
-    def beyond(self, distance: float, angle: float) -> bool:
+    def moved_beyond(self, distance: float, angle: float) -> bool:
         """Whether the robot has moved a distance [m] or turned an angle [rad] since."""
         travel, turn = self._drifting.advance(self._index)
         return travel >= distance or turn >= angle

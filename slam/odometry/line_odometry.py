@@ -11,8 +11,8 @@ from features.scan import LaserScan
 from features.se2 import Array, Pose, between, compose, inverse, wrap_angle
 from features.sensor import SensorModel
 from slam.errors import DivergedError
-from slam.odometry.beams import beyond_walls
-from slam.odometry.cloned_pose import Anchor, DriftingPose
+from slam.odometry.beams import beams_through_walls
+from slam.odometry.cloned_pose import ClonedPose, PoseClone
 from slam.odometry.line_map import LineMap, walls_of_lines
 from slam.odometry.motion_models import ConstantVelocity, WheelMotion
 from slam.odometry.registration import Registration, RegistrationRules, register
@@ -42,7 +42,7 @@ TURNS = np.radians([0.0, -8.0, 8.0, -16.0, 16.0])
 FAR = 0.3
 """Motion since the last scan beyond which a second attempt starts from there too [m]."""
 
-STANDING = np.array([0.005, 0.005, math.radians(0.3)]) ** 2
+STATIONARY = np.array([0.005, 0.005, math.radians(0.3)]) ** 2
 """Variances of a motion that need no scan [m^2, m^2, rad^2]."""
 
 
@@ -87,15 +87,15 @@ class LineOdometry:
         line_distance: float,
         key_frames: int,
     ) -> None:
-        self._drifting = DriftingPose(pose_map_robot)
+        self._drifting = ClonedPose(pose_map_robot)
         self.counts = RegistrationCounts()
         self._motion = motion
         self._sensor = sensor
         self._line_distance = line_distance
         self._map = LineMap(key_frames)
-        self._since_scan = self._drifting.anchor()
-        self._since_correction = self._drifting.anchor()
-        self._since_learned = self._drifting.anchor()
+        self._since_scan = self._drifting.clone()
+        self._since_correction = self._drifting.clone()
+        self._since_learned = self._drifting.clone()
         self._scan: ScanPoints | None = None
         self._fit: Registration | None = None
 
@@ -119,9 +119,9 @@ class LineOdometry:
         """What the wheels were found to tell wrongly; None without wheels."""
         return self._motion.calibration if isinstance(self._motion, WheelMotion) else None
 
-    def anchor(self) -> Anchor:
+    def clone(self) -> PoseClone:
         """Remember this moment, to tell the motion since."""
-        return self._drifting.anchor()
+        return self._drifting.clone()
 
     def predict(self, stamp: float, pose_odom_robot: Pose) -> None:
         """Move on to a record by what is expected of the motion.
@@ -135,7 +135,7 @@ class LineOdometry:
         if not self._drifting.finite:
             raise DivergedError("the pose or its covariance is no longer finite: look at the odometry")
 
-    def look(self, scan: LaserScan, lines: Lines) -> ScanPoints:
+    def set_scan(self, scan: LaserScan, lines: Lines) -> ScanPoints:
         """Remember the points of a scan and its lines, sensor frame, without a correction."""
         walls_robot = walls_of_lines(lines, self._sensor.mounting)
         self._scan = scan_points(scan, walls_robot, self._sensor, self._line_distance)
@@ -143,9 +143,9 @@ class LineOdometry:
 
     def register(self, stamp: float, scan: LaserScan, lines: Lines) -> ScanPoints:
         """Correct the pose by a scan and its lines, sensor frame; where it fits nowhere the prediction stands."""
-        points = self.look(scan, lines)
+        points = self.set_scan(scan, lines)
         self._fit = self._match(points) if len(self._map.walls) else None
-        if self._fit is not None and not self._stands:
+        if self._fit is not None and not self._stationary:
             self._drifting.correct(self._fit.information, self._fit.pull)
             self._since_correction.reset()
         if self._motion.learn(stamp, self._since_learned):
@@ -154,12 +154,12 @@ class LineOdometry:
         return points
 
     @property
-    def _stands(self) -> bool:
+    def _stationary(self) -> bool:
         """Whether the motion since the last correction is known better than a scan could tell.
 
         From the same place the errors of the walls are the same: to average over them would be to believe them.
         """
-        return bool((self._since_correction.motion_cov.diagonal() < STANDING).all())
+        return bool((self._since_correction.motion_cov.diagonal() < STATIONARY).all())
 
     def add_key_frame(self) -> None:
         """Put the walls of the latest scan on the line map."""
@@ -189,7 +189,7 @@ class LineOdometry:
             if beside is not None and beside.share >= max(SURE_SHARE, fit.share):
                 fit = beside
             else:
-                drifting.doubt(slip)
+                drifting.inflate(slip)
                 if fit.share < SURE_SHARE:
                     self.counts.failed += 1
                     return None
@@ -215,7 +215,7 @@ class LineOdometry:
         if other.share < max(LEAST_SHARE, share + MARGIN):
             return False
         walls = self._map.walls
-        return beyond_walls(scan, walls, other.pose_map_robot) < beyond_walls(scan, walls, here)
+        return beams_through_walls(scan, walls, other.pose_map_robot) < beams_through_walls(scan, walls, here)
 
     def _match_anywhere(self, scan: ScanPoints) -> tuple[Registration, Pose]:
         """Best of the fits from here and from where the last scan was, and which of the two it is."""

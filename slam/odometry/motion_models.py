@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from features.se2 import Array, Pose, between, pose, wrap_angle
-from slam.odometry.cloned_pose import Anchor
+from slam.odometry.cloned_pose import PoseClone
 from slam.odometry.wheel_calibration import Calibration, WheelCalibration
 
 
@@ -57,7 +57,7 @@ class WheelMotion:
         cov = self._model.covariance(motion)
         return self._calibration.correct(motion, cov), cov
 
-    def learn(self, stamp: float, since: Anchor) -> bool:
+    def learn(self, stamp: float, since: PoseClone) -> bool:
         """Learn what the wheels always tell wrongly; False where the motion was too short."""
         return self._calibration.learn(since)
 
@@ -121,7 +121,7 @@ class ConstantVelocity:
             cov += self._jitter2 * (self._velocity_cov + np.outer(self._velocity, self._velocity))
         return reach * self._velocity, cov
 
-    def learn(self, stamp: float, since: Anchor) -> bool:
+    def learn(self, stamp: float, since: PoseClone) -> bool:
         """Take the motion since the last scan, the latest one at ``stamp``, for the velocity (eq. M35); True."""
         elapsed = stamp - (stamp if self._learned is None else self._learned)
         self._learned = self._stamp = stamp

@@ -7,7 +7,7 @@ from numba import f8, i8
 
 from features.compiled import inner, kernel
 from slam.odometry.line_map import CENTER, LENGTH, NORMAL_X, NORMAL_Y, VAR_ANGLE, VAR_OFFSET, WALL_X, WALL_Y
-from slam.odometry.scan_points import behind, directions_of
+from slam.odometry.scan_points import beams_on_wall, pseudo_angles
 
 NEAREST = 0.05
 """A sensor nearer to the line of a wall than this does not see it [m]."""
@@ -23,7 +23,7 @@ WEIGHT, JACOBIAN_X, JACOBIAN_Y, JACOBIAN_TURN, RESIDUAL, CERTAINTY = range(6)
 
 
 @inner()
-def _take_off_feigned(information, pull, crookedness2):
+def _remove_spurious_information(information, pull, crookedness2):
     """Take off what walls of slightly different directions feign to know of the position along them (eq. M30)."""
     if information[2, 2] <= 0.0:
         return
@@ -52,7 +52,7 @@ def _take_off_feigned(information, pull, crookedness2):
 
 
 @inner(fastmath=SUMS, forceinline=True)
-def _lay_walls(
+def _associate_walls(
     points, directions, lines, normals, origin_x, origin_y, walls, pose, gate, reach, var_scatter, cos_turn, turned,
     beams, knowledge,
 ):  # fmt: skip
@@ -84,7 +84,7 @@ def _lay_walls(
         lever_center = lever + walls[k, CENTER]
         certain_offset = 1.0 / walls[k, VAR_OFFSET]
         certain_angle = 1.0 / walls[k, VAR_ANGLE]
-        begin, end = behind(directions, arm_x, arm_y, normal_x, normal_y, half, c, s)
+        begin, end = beams_on_wall(directions, arm_x, arm_y, normal_x, normal_y, half, c, s)
         for m in range(begin, end):
             i = m if m < n else m - n
             x = turned[i, 0]
@@ -224,7 +224,7 @@ def register_kernel(
 ):  # fmt: skip
     """Fit a scan to walls; return pose, information, pull and the number of points on a wall (eq. M27-M31)."""
     n = ranges.size
-    directions = directions_of(points, origin_x, origin_y)
+    directions = pseudo_angles(points, origin_x, origin_y)
     turned = np.empty((n, 4))
     beams = np.empty((n, 6))
     knowledge = np.empty((len(walls_robot), 3))
@@ -238,7 +238,7 @@ def register_kernel(
         last = gate <= final_gate
         # A wide gate takes in what a good start would not: the wider it is, the less a residual says.
         spread = 0.0 if last else gate * gate / 16.0
-        _lay_walls(
+        _associate_walls(
             points, directions, lines, normals, origin_x, origin_y, walls, pose, gate, reach,
             max(var_scatter, spread), cos_turn, turned, beams, knowledge,
         )  # fmt: skip
@@ -249,7 +249,7 @@ def register_kernel(
         offset = pose - prior
         offset[2] = (offset[2] + math.pi) % (2.0 * math.pi) - math.pi
         pull = information @ offset - gradient
-        _take_off_feigned(information, pull, crookedness2)
+        _remove_spurious_information(information, pull, crookedness2)
         moved = np.linalg.solve(np.eye(3) + prior_cov @ information, prior_cov @ pull)
         step = moved - offset
         pose = prior + moved

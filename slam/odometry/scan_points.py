@@ -102,21 +102,21 @@ def _near(points, i, j, distance):
 
 
 @inner()
-def directions_of(points, origin_x, origin_y):
-    """Directions of points from an origin, as :func:`_direction` has them, shape (n,)."""
+def pseudo_angles(points, origin_x, origin_y):
+    """Directions of points from an origin, as :func:`_pseudo_angle` has them, shape (n,)."""
     directions = np.empty(len(points))
     for i in range(len(points)):
-        directions[i] = _direction(points[i, 0] - origin_x, points[i, 1] - origin_y)
+        directions[i] = _pseudo_angle(points[i, 0] - origin_x, points[i, 1] - origin_y)
     return directions
 
 
 @inner()
-def behind(directions, arm_x, arm_y, normal_x, normal_y, half, c, s):
+def beams_on_wall(directions, arm_x, arm_y, normal_x, normal_y, half, c, s):
     """Beams that meet a wall: first, and behind the last, counted on beyond n where they cross the end of the scan.
 
     Parameters
     ----------
-    directions : of the beams, rising, by :func:`directions_of`, shape (n,).
+    directions : of the beams, rising, by :func:`pseudo_angles`, shape (n,).
     arm_x, arm_y : from the sensor to the middle of the wall [m].
     normal_x, normal_y : normal of the wall, towards the sensor.
     half : half the length of the wall [m].
@@ -125,15 +125,15 @@ def behind(directions, arm_x, arm_y, normal_x, normal_y, half, c, s):
     # Seen from its front a wall runs counter-clockwise along its normal turned by a quarter to the right.
     along_x, along_y = -half * normal_y, half * normal_x
     x, y = arm_x + along_x, arm_y + along_y
-    first = _direction(c * x + s * y, c * y - s * x)
+    first = _pseudo_angle(c * x + s * y, c * y - s * x)
     x, y = arm_x - along_x, arm_y - along_y
-    last = _direction(c * x + s * y, c * y - s * x)
-    begin, end = _place(directions, first, False), _place(directions, last, True)
+    last = _pseudo_angle(c * x + s * y, c * y - s * x)
+    begin, end = _insertion_index(directions, first, False), _insertion_index(directions, last, True)
     return (begin, end) if first <= last else (begin, end + directions.size)
 
 
 @inner()
-def _direction(x, y):
+def _pseudo_angle(x, y):
     """Return what grows from -2 to 2 as the direction of a vector does from -pi to pi; an arc tangent takes longer."""
     quarter = y / (abs(x) + abs(y))
     if x >= 0.0:
@@ -142,7 +142,7 @@ def _direction(x, y):
 
 
 @inner()
-def _place(directions, direction, after_equal):
+def _insertion_index(directions, direction, after_equal):
     """Where a direction belongs among rising ones; np.searchsorted takes several times as long."""
     place = 0
     left = directions.size
@@ -175,13 +175,13 @@ def _points_kernel(
         points[i, 1] = origin_y + ranges[i] * math.sin(bearings[i])
 
     lines = np.full(n, -1)
-    directions = directions_of(points, origin_x, origin_y)
+    directions = pseudo_angles(points, origin_x, origin_y)
     for k in range(len(walls_robot)):
         normal_x = walls_robot[k, NORMAL_X]
         normal_y = walls_robot[k, NORMAL_Y]
         arm_x = walls_robot[k, WALL_X] - origin_x
         arm_y = walls_robot[k, WALL_Y] - origin_y
-        begin, end = behind(directions, arm_x, arm_y, normal_x, normal_y, 0.5 * walls_robot[k, LENGTH], 1.0, 0.0)
+        begin, end = beams_on_wall(directions, arm_x, arm_y, normal_x, normal_y, 0.5 * walls_robot[k, LENGTH], 1.0, 0.0)
         for m in range(begin, end):
             i = m if m < n else m - n
             residual = normal_x * (points[i, 0] - origin_x - arm_x) + normal_y * (points[i, 1] - origin_y - arm_y)

@@ -7,7 +7,7 @@ import numpy as np
 from scipy.stats import chi2
 
 from features.se2 import Array, Pose, wrap_angle
-from slam.odometry.cloned_pose import Anchor, DriftingPose
+from slam.odometry.cloned_pose import ClonedPose, PoseClone
 
 UNCALIBRATED = np.diag([0.05, 0.05, math.radians(2.0)]) ** 2
 """Covariance of the calibration of wheels of which nothing is known."""
@@ -45,8 +45,8 @@ class WheelCalibration:
     def __init__(self) -> None:
         self._state = np.zeros(3)
         self._information: Array = np.linalg.inv(UNCALIBRATED)
-        self._wheels = DriftingPose(np.zeros(3))
-        self._since = self._wheels.anchor()
+        self._wheels = ClonedPose(np.zeros(3))
+        self._since = self._wheels.clone()
 
     @property
     def calibration(self) -> Calibration:
@@ -64,7 +64,7 @@ class WheelCalibration:
         self._wheels.move(motion + left_out, cov)
         return motion + left_out
 
-    def learn(self, since: Anchor) -> bool:
+    def learn(self, since: PoseClone) -> bool:
         """Compare the motion since the last comparison with what the wheels say of it; False where it was too short."""
         if since.travel < TRAVEL and since.turn < TURN:
             return False

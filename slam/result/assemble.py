@@ -16,7 +16,7 @@ from slam.result.smoothing import carry_corrections
 from slam.result.trajectory import Trajectory
 
 
-def conclude(
+def assemble_result(
     records: Records,
     key_frames: Sequence[KeyFrame],
     estimate: GraphEstimate,

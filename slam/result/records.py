@@ -6,7 +6,7 @@ import numpy as np
 
 from drivers.frame import Frame
 from features.se2 import Array, Pose
-from slam.result.trajectory import Trajectory, told_apart
+from slam.result.trajectory import Trajectory, separate_equal_stamps
 
 
 class Records:
@@ -70,7 +70,7 @@ class Records:
 
     def times(self) -> Array:
         """Stamps of the records, shape (n,) [s]; those of one stamp told apart by the motion between them."""
-        return told_apart(np.array(self.stamps), np.array(self.poses_odom))
+        return separate_equal_stamps(np.array(self.stamps), np.array(self.poses_odom))
 
     def wheels(self) -> Trajectory:
         """Pose of every record by the log."""

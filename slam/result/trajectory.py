@@ -88,7 +88,7 @@ class Trajectory:
     def nearest(self, stamps: ArrayLike, tolerance: float) -> NDArray[np.intp]:
         """Look up the pose nearest in time, of two equally near stamps the earlier.
 
-        Poses of one stamp are told apart as :func:`told_apart` does.
+        Poses of one stamp are told apart as :func:`separate_equal_stamps` does.
 
         Parameters
         ----------
@@ -107,7 +107,7 @@ class Trajectory:
         wanted = _stamp_array(stamps)
         if len(self) == 0:
             return np.full(wanted.shape, -1, dtype=np.intp)
-        own = told_apart(self.stamps, self.poses)
+        own = separate_equal_stamps(self.stamps, self.poses)
         after = np.minimum(np.searchsorted(own, wanted, side="right"), len(self) - 1)
         before = np.maximum(after - 1, 0)
         at = np.where((own[after] - wanted < wanted - own[before]) | (after == 0), after, before)
@@ -115,7 +115,7 @@ class Trajectory:
         return np.where(near, at, -1)
 
 
-def told_apart(stamps: Array, poses: Array) -> Array:
+def separate_equal_stamps(stamps: Array, poses: Array) -> Array:
     """Give poses that share a stamp times of their own.
 
     They were taken one after the other, faster than the clock ticks: as fast as in the fullest tick, from the tick

@@ -33,7 +33,7 @@ VALUES = {
 
 
 @dataclass(frozen=True, slots=True)
-class Stand:
+class LogPosition:
     """How far a run has come.
 
     Parameters
@@ -48,7 +48,7 @@ class Stand:
     digest: bytes = b""
 
 
-def write_checkpoint(folder: Path, slam: Slam, stand: Stand) -> None:
+def write_checkpoint(folder: Path, slam: Slam, position: LogPosition) -> None:
     """Keep a run as it is now; a sudden end leaves the checkpoint before it.
 
     Raises
@@ -57,10 +57,10 @@ def write_checkpoint(folder: Path, slam: Slam, stand: Stand) -> None:
         The file cannot be written.
     """
     state = pickle.dumps(slam, protocol=5)
-    header = asdict(stand) | {
+    header = asdict(position) | {
         "format": FORMAT,
         "program": fingerprint(),
-        "digest": stand.digest.hex(),
+        "digest": position.digest.hex(),
         "state": hashlib.blake2b(state).hexdigest(),
     }
     path = folder / CHECKPOINT
@@ -76,7 +76,7 @@ def write_checkpoint(folder: Path, slam: Slam, stand: Stand) -> None:
         raise RunFolderError(f"{path}: cannot be written: {error.strerror or error}") from None
 
 
-def read_checkpoint(folder: Path) -> tuple[Slam, Stand]:
+def read_checkpoint(folder: Path) -> tuple[Slam, LogPosition]:
     """Read a stopped run back.
 
     Raises
@@ -104,7 +104,7 @@ def read_checkpoint(folder: Path) -> tuple[Slam, Stand]:
         slam = _Unpickler(io.BytesIO(state)).load()
     except pickle.UnpicklingError as error:
         raise RunFolderError(f"{path}: is no checkpoint: {error}") from None
-    return slam, Stand(header["log"], header["records"], bytes.fromhex(header["digest"]))
+    return slam, LogPosition(header["log"], header["records"], bytes.fromhex(header["digest"]))
 
 
 def discard_checkpoint(folder: Path) -> None:

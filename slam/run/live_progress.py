@@ -11,7 +11,7 @@ from rich.console import Console
 from rich.live import Live
 from rich.table import Table
 
-from drivers.rplidar.protocol.counts import Counts
+from drivers.counts import Counts
 from slam.pipeline import Slam
 
 REFRESH_S = 0.25

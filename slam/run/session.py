@@ -10,7 +10,7 @@ from features.errors import CwlfError
 from slam.errors import DivergedError, RunFolderError
 from slam.pipeline import Slam
 from slam.result.result import SlamResult
-from slam.run.checkpoint import Stand, discard_checkpoint, write_checkpoint
+from slam.run.checkpoint import LogPosition, discard_checkpoint, write_checkpoint
 from slam.run.frame_digest import extend_digest
 from slam.run.interrupt import Interrupt
 from slam.run.progress import Progress
@@ -30,17 +30,17 @@ class Session:
     Parameters
     ----------
     slam : as it is before the next frame.
-    stand : the frames that it has processed.
+    position : the frames that it has processed.
     progress : shows how far the run is.
     folder : where checkpoints go; None for a run that is not kept.
-    watch : sees every frame and what it did.
+    on_step : sees every frame and what it did.
     """
 
     slam: Slam
-    stand: Stand
+    position: LogPosition
     progress: Progress
     folder: Path | None = None
-    watch: Callable[[Frame, Step], None] | None = None
+    on_step: Callable[[Frame, Step], None] | None = None
 
     def run(self, source: FrameSource, limit: int | None = None) -> tuple[SlamResult, CwlfError | None]:
         """Process frames until the source ends or breaks, a signal comes or ``limit`` scans are done; then solve.
@@ -87,11 +87,11 @@ class Session:
             if self.slam.scans == limit:
                 return False
             step = self.slam.process(frame)
-            if self.watch is not None:
-                self.watch(frame, step)
+            if self.on_step is not None:
+                self.on_step(frame, step)
             if self.folder is not None:
-                digest = extend_digest(self.stand.digest, frame)
-                self.stand = Stand(self.stand.log, self.stand.records + 1, digest)
+                digest = extend_digest(self.position.digest, frame)
+                self.position = LogPosition(self.position.log, self.position.records + 1, digest)
             if frame.scan is not None or frame.observations is not None:
                 progress.update(source.progress, self.slam.scans)
             if time.monotonic() >= due:
@@ -112,19 +112,19 @@ class Session:
         frames = iter(source)
         digest = b""
         count = 0
-        while count < self.stand.records and (frame := next(frames, None)) is not None:
+        while count < self.position.records and (frame := next(frames, None)) is not None:
             digest = extend_digest(digest, frame)
             count += 1
-        if digest != self.stand.digest:
+        if digest != self.position.digest:
             raise RunFolderError(
-                f"{self.folder}: the run of {self.stand.log} was stopped after {self.stand.records} records, and "
+                f"{self.folder}: the run of {self.position.log} was stopped after {self.position.records} records, and "
                 f"{source.name} does not begin with the same; give the log that the run began with"
             )
         return frames
 
     def _keep(self) -> None:
         if self.folder is not None:
-            write_checkpoint(self.folder, self.slam, self.stand)
+            write_checkpoint(self.folder, self.slam, self.position)
 
     def _discard(self) -> None:
         if self.folder is not None:

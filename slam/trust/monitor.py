@@ -11,7 +11,7 @@ from scipy.spatial import KDTree
 from features.se2 import Array, Pose, between, transform
 from slam.filter.association import Association
 from slam.odometry.line_odometry import SURE_SHARE
-from slam.trust.nis import NisSummary, NisWatch
+from slam.trust.nis import NisMonitor, NisSummary
 
 logger = logging.getLogger(__name__)
 
@@ -41,7 +41,7 @@ BLIND_TRAVEL, BLIND_TURN = 5.0, math.pi
 
 
 @dataclass(frozen=True, slots=True)
-class Doubt:
+class Reason:
     """A reason not to trust a run.
 
     Parameters
@@ -61,11 +61,11 @@ class Trust:
     """Whether nothing spoke against a run, and if something did, what."""
 
     ok: bool
-    reasons: tuple[Doubt, ...]
+    reasons: tuple[Reason, ...]
 
 
-class Watch:
-    """Collects doubts, each kind once, at its first time.
+class TrustMonitor:
+    """Collects reasons, each kind once, at its first time.
 
     Parameters
     ----------
@@ -74,9 +74,9 @@ class Watch:
     """
 
     def __init__(self, match_probability: float, *, wheels: bool) -> None:
-        self._nis = NisWatch(match_probability)
+        self._nis = NisMonitor(match_probability)
         self._wheels = wheels
-        self._doubts: dict[str, Doubt] = {}
+        self._reasons: dict[str, Reason] = {}
         self._points: Array = np.empty((0, 2))
         self._pose_map: Pose | None = None
         self._pose_odom: Pose | None = None
@@ -87,7 +87,7 @@ class Watch:
     @property
     def trust(self) -> Trust:
         """What is known so far."""
-        return Trust(not self._doubts, tuple(self._doubts.values()))
+        return Trust(not self._reasons, tuple(self._reasons.values()))
 
     @property
     def nis(self) -> NisSummary | None:
@@ -97,7 +97,7 @@ class Watch:
     def updated(self, stamp: float, association: Association) -> None:
         """Judge an update of the filter."""
         if self._nis.add(association.nis, len(association.corners)):
-            self._doubt(
+            self._add_reason(
                 "innovations", stamp,
                 "the corners lie farther from where the filter expects them than it promises (NIS above its bounds): "
                 "look at the noise of the sensor and of the odometry",
@@ -108,7 +108,7 @@ class Watch:
         self._travel += math.hypot(motion[0], motion[1])
         self._turn += abs(float(motion[2]))
         if self._travel > BLIND_TRAVEL or self._turn > BLIND_TURN:
-            self._doubt(
+            self._add_reason(
                 "blind", stamp,
                 f"no scan showed a wall over {self._travel:.1f} m and a turn of {math.degrees(self._turn):.0f} deg: "
                 "there the odometry alone told the motion; look at the sensor and its limits of range",
@@ -143,7 +143,7 @@ class Watch:
             return
         distances, _ = KDTree(self._points).query(transform(motion, points), distance_upper_bound=NEAR)
         if np.isfinite(distances).mean() < LEAST_OVERLAP:
-            self._doubt(
+            self._add_reason(
                 "carried away", stamp,
                 "the scan shows neither the walls known nor what the scan before showed: the robot was carried away, "
                 "and what follows may lie anywhere relative to what came before",
@@ -160,15 +160,15 @@ class Watch:
         if len(self._rejected) == JUDGED and share > MOST_REJECTED:
             angle = math.degrees(math.atan2(self._directions.imag, self._directions.real))
             turned = f", by which the robot moves {angle:.0f} deg beside its heading" if abs(angle) > 20.0 else ""
-            self._doubt(
+            self._add_reason(
                 "odometry", stamp,
                 f"the odometry is contradicted by {share:.0%} of {JUDGED} scans{turned}: look at the "
                 "odometry and at the mounting of the sensor in the configuration",
             )  # fmt: skip
 
-    def _doubt(self, what: str, stamp: float, sentence: str) -> None:
-        if what not in self._doubts:
-            self._doubts[what] = Doubt(what, stamp, sentence)
+    def _add_reason(self, what: str, stamp: float, sentence: str) -> None:
+        if what not in self._reasons:
+            self._reasons[what] = Reason(what, stamp, sentence)
             logger.warning("at %.3f s: %s", stamp, sentence)
 
 

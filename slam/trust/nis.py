@@ -39,7 +39,7 @@ def _bounds(dof: int) -> tuple[float, float]:
     return float(low), float(high)
 
 
-class NisWatch:
+class NisMonitor:
     """Judges the last :data:`WINDOW` updates after each.
 
     The gate of the association takes off the tail of each pair's distribution, so that the expected NIS is smaller than

@@ -7,11 +7,14 @@ from pathlib import Path
 import pytest
 from pydantic import ValidationError
 
+from drivers.frame import SourceInfo
 from features.errors import CwlfError
 from features.sensor import SENSOR_PRESETS, Mounting
 from slam.config import SlamConfig
 from slam.config_file import load_config, to_toml
 from slam.errors import ConfigError
+
+WITHOUT_ODOMETRY = SourceInfo("hall", "sick-lms", has_odometry=False)
 
 OTHER = """
 seed = 7
@@ -70,7 +73,7 @@ def test_toml_has_every_key_with_its_meaning():
 
 
 def test_file_overrides_only_what_it_names(write):
-    config = load_config(write("[front_end]\nbirth_distance_m = 0.2\n"), source_preset="rplidar-s1")
+    config = load_config(write("[front_end]\nbirth_distance_m = 0.2\n"), source=SourceInfo("hall", "rplidar-s1"))
     expected = SlamConfig.of_preset("rplidar-s1").model_dump()
     expected["front_end"]["birth_distance_m"] = 0.2
     assert config.model_dump() == expected
@@ -82,9 +85,7 @@ def test_a_whole_number_stands_for_a_number(write):
 
 
 def test_units_are_turned_into_si():
-    config = load_config(
-        None, source_preset="rplidar-s1", source_mounting=Mounting(0.1, -0.2, math.radians(30.0), True)
-    )
+    config = load_config(None, source=SourceInfo("hall", "rplidar-s1", Mounting(0.1, -0.2, math.radians(30.0), True)))
     model, preset = config.sensor.model(), SENSOR_PRESETS["rplidar-s1"]
     assert model.sigma_range == pytest.approx(preset.sigma_range)
     assert model.sigma_bearing == pytest.approx(preset.sigma_bearing)
@@ -94,10 +95,11 @@ def test_units_are_turned_into_si():
 
 
 def test_asked_for_comes_before_the_file_and_the_file_before_the_source(write):
-    source = Mounting(x=0.3)
-    assert load_config(None, source_preset="rplidar-s1").sensor.preset == "rplidar-s1"
-    assert load_config(None, preset="sick-lms", source_preset="rplidar-s1").sensor.preset == "sick-lms"
-    from_file = load_config(write(OTHER), source_preset="sick-lms", source_mounting=source, seed=3)
+    source = SourceInfo("hall", "sick-lms", Mounting(x=0.3))
+    s1 = SourceInfo("hall", "rplidar-s1")
+    assert load_config(None, source=s1).sensor.preset == "rplidar-s1"
+    assert load_config(None, preset="sick-lms", source=s1).sensor.preset == "sick-lms"
+    from_file = load_config(write(OTHER), source=source, seed=3)
     assert (from_file.sensor.preset, from_file.seed) == ("rplidar-s1", 3)
     assert from_file.sensor.mounting.x_m == 0.3
     assert from_file.sensor.mounting.yaw_deg == 180.0
@@ -151,9 +153,9 @@ def test_a_wrong_value_is_named_with_file_and_key(write, content, key, reason):
 
 def test_a_source_without_odometry_is_run_on_its_lines(write):
     assert load_config(None).odometry.source == "line-aided"
-    assert load_config(None, source_odometry=False).odometry.source == "lines"
+    assert load_config(None, source=WITHOUT_ODOMETRY).odometry.source == "lines"
     path = write("[odometry]\nkey_frames = 7\n")
-    odometry = load_config(path, source_odometry=False).odometry
+    odometry = load_config(path, source=WITHOUT_ODOMETRY).odometry
     assert (odometry.source, odometry.key_frames) == ("lines", 7)
     assert load_config(write('[odometry]\nsource = "lines"\n')).odometry.source == "lines"
 
@@ -163,7 +165,7 @@ def test_wheels_that_are_not_there_are_an_error(write, wanted):
     path = write(f'[odometry]\nsource = "{wanted}"\n')
     assert load_config(path).odometry.source == wanted
     with pytest.raises(ConfigError) as raised:
-        load_config(path, source_odometry=False)
+        load_config(path, source=WITHOUT_ODOMETRY)
     assert str(raised.value) == (f'{path}: odometry.source is "{wanted}" but the log has no odometry: expected "lines"')
 
 

@@ -27,15 +27,15 @@ KEEP_DISTANCE = 6.0
 
 
 class Found:
-    """What a search for loops has found: closures, and the key frames of the passage that they lead to."""
+    """What a search for loops has found: closures, and the key frames of the submap that they lead to."""
 
-    def __init__(self, closures: Sequence[Closure], passage: Sequence[int] = ()) -> None:
-        self.closures, self.of = list(closures), np.array(passage, np.int64)
+    def __init__(self, closures: Sequence[Closure], submap: Sequence[int] = ()) -> None:
+        self.closures, self.of = list(closures), np.array(submap, np.int64)
 
     def find(self, poses_world_robot):
         return self.closures
 
-    def passage(self, key_frame):
+    def submap(self, key_frame):
         return self.of
 
 
@@ -60,7 +60,7 @@ class Drive:
         observations = Observations(landmarks, seen.positions, seen.covs)
         self.graph.add_key_frame(self.front.ekf.pose, told, MOTION_COV, observations)
         self.graph.update()
-        self.front.rest(len(self.graph) - 1, landmarks)
+        self.front.deactivate_far(len(self.graph) - 1, landmarks)
         return landmarks
 
 
@@ -72,7 +72,7 @@ def returned():
     for _ in range(4):
         drive.go(pose(3.0))
     drive.go(pose(-11.0, 0.2, 0.4), pose(0.5, -0.3, 0.1))
-    assert drive.front.local.size == 0
+    assert drive.front.active.size == 0
     older = 1
     return drive, Closure(older, len(drive.graph) - 1, between(compose(START, pose(0.5)), drive.truth), CLOSURE_COV)
 
@@ -86,7 +86,7 @@ def test_merged_landmarks_are_one_in_filter_and_graph():
     drive = Drive()
     drive.front.observe(corners([[2.0, 1.0], [2.03, 1.0], [-2.0, 0.0]]))
     merge(drive.front, drive.graph)
-    assert drive.front.local.tolist() == [0, 2]
+    assert drive.front.active.tolist() == [0, 2]
     assert [drive.graph.resolve(landmark) for landmark in range(3)] == [0, 0, 2]
 
 
@@ -129,7 +129,7 @@ def test_where_no_loop_is_found_nothing_changes():
     np.testing.assert_array_equal(drive.front.ekf.pose, before[0])
     np.testing.assert_array_equal(drive.graph.poses_world_robot, before[1])
     assert drive.graph.closures == ()
-    assert drive.front.local.size == 0
+    assert drive.front.active.size == 0
 
 
 def test_a_closed_loop_takes_the_filter_back_to_where_the_robot_is_and_wakes_what_it_saw_there():
@@ -148,10 +148,10 @@ def test_a_closed_loop_takes_the_filter_back_to_where_the_robot_is_and_wakes_wha
     assert off > 0.5
     assert np.hypot(*error[:2]) < 0.03
     assert abs(wrap_angle(error[2])) < math.radians(0.5)
-    assert sorted(drive.front.local.tolist()) == [0, 1, 2]
+    assert sorted(drive.front.active.tolist()) == [0, 1, 2]
     # Where the key frame that saw them last now is, with what it saw.
     poses = drive.graph.poses_world_robot
-    seen = transform(inverse(compose(START, pose(0.5))), PILLARS[drive.front.local])
+    seen = transform(inverse(compose(START, pose(0.5))), PILLARS[drive.front.active])
     np.testing.assert_allclose(drive.front.ekf.landmarks, transform(poses[1], seen), rtol=0.0, atol=1e-9)
     # Seen again they are the same landmarks.
     landmarks = drive.go(pose(0.2), sees=[0, 1, 2])
@@ -166,7 +166,7 @@ def test_woken_landmarks_are_as_uncertain_from_here_as_closure_and_sighting_toge
     drive, closure = returned()
     settled = drive.front.table.covs.copy()
     close_loop(Found([closure], [0, 1]), drive.front, drive.graph)
-    local, poses = drive.front.local, drive.graph.poses_world_robot
+    local, poses = drive.front.active, drive.graph.poses_world_robot
     positions, cov = drive.front.ekf.relative()
     motion = between(poses[1], poses[-1])
     from_older = transform(inverse(poses[1]), drive.front.ekf.landmarks)
@@ -193,15 +193,15 @@ def test_a_closure_by_an_earlier_key_frame_moves_the_filter_and_wakes_nothing():
     assert_filter_is_where_the_graph_is(drive)
     # As well as the closure puts it, and one more motion of 0.03 m that is exact here.
     assert np.hypot(*(drive.front.ekf.pose - drive.truth)[:2]) < 0.03
-    assert drive.front.local.size == 0
+    assert drive.front.active.size == 0
 
 
-@pytest.mark.parametrize("passage", [[], [3, 4]])
-def test_only_landmarks_of_the_passage_that_is_seen_again_are_woken(passage):
+@pytest.mark.parametrize("submap", [[], [3, 4]])
+def test_only_landmarks_of_the_submap_that_is_seen_again_become_active_again(submap):
     drive, closure = returned()
-    close_loop(Found([closure], passage), drive.front, drive.graph)
+    close_loop(Found([closure], submap), drive.front, drive.graph)
     assert_filter_is_where_the_graph_is(drive)
-    assert drive.front.local.size == 0
+    assert drive.front.active.size == 0
 
 
 def test_landmarks_born_again_before_the_loop_was_closed_are_merged_with_those_that_wake():
@@ -216,7 +216,7 @@ def test_landmarks_born_again_before_the_loop_was_closed_are_merged_with_those_t
         drive.graph,
     )
     assert [drive.graph.resolve(landmark) for landmark in (3, 4, 5)] == [0, 1, 2]
-    assert sorted(drive.front.local.tolist()) == [0, 1, 2]
-    errors = drive.front.ekf.landmarks - PILLARS[drive.front.local]
+    assert sorted(drive.front.active.tolist()) == [0, 1, 2]
+    errors = drive.front.ekf.landmarks - PILLARS[drive.front.active]
     sigma = math.sqrt(float(np.trace(drive.front.ekf.landmark_covs[0])))
     assert np.abs(errors).max() < math.sqrt(chi2.ppf(0.9999, 2)) * sigma

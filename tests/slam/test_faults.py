@@ -120,7 +120,7 @@ def run(scene: Scene, yaw: float = 0.0) -> tuple[SlamResult, float]:
     """Result and its error in the frame of the first pose [m]."""
     source = room_run(1)
     mounting = Mounting(source.mounting.x, source.mounting.y, source.mounting.theta + yaw)
-    slam = Slam(load_config(None, source_preset=source.sensor, source_mounting=mounting))
+    slam = Slam(load_config(None, source=replace(source.info, mounting=mounting)))
     frames, poses = scene
     for frame in frames:
         slam.process(frame)

@@ -5,10 +5,10 @@ import sys
 from pathlib import Path
 
 import numpy as np
-from drivers.recorder import Recorder
 from emulated import emulated_chunks
 
 from drivers.frame import Frame
+from drivers.recording.recorder import Recorder
 from drivers.rplidar import RawRecorder, RevolutionDecoder
 from features.extract import extract
 from features.scan import LaserScan

@@ -2,6 +2,7 @@
 
 import itertools
 import math
+from dataclasses import replace
 from functools import cache
 
 import numpy as np
@@ -33,7 +34,7 @@ from slam.result.trajectory_file import write_tum
 
 
 def config_for(source, mounting=None):
-    return load_config(None, source_preset=source.sensor, source_mounting=mounting or source.mounting)
+    return load_config(None, source=replace(source.info, mounting=mounting or source.mounting))
 
 
 def processed(frames, config) -> SlamResult:

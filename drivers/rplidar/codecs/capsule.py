@@ -1,4 +1,4 @@
-"""What all capsules share: sync nibbles with a checksum, and a start angle that the next capsule completes."""
+"""Common parts of all capsules: sync nibbles with a checksum, and the interpolation of angles between capsules."""
 
 from dataclasses import dataclass
 
@@ -16,13 +16,13 @@ RESTART = 0x8000
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Measured:
-    """What the capsules themselves say of their samples, shape (n, samples of a capsule) each.
+    """Contents of capsules except their angles, shape (n, samples of a capsule) each.
 
     Parameters
     ----------
-    ranges : [m]; 0 is no return.
-    qualities : 0 to 255.
-    offsets : what the angle of a sample lags behind the encoder, clockwise [rad]; None where the device has done it.
+    ranges : [m]; 0 for no return.
+    qualities : strength of the return, 0 to 255.
+    offsets : clockwise angle by which each sample lags behind the encoder [rad]; None where the device corrects it.
     """
 
     ranges: Array
@@ -31,14 +31,14 @@ class Measured:
 
 
 def new_capsule(dtype: np.dtype, start_angle: float, restart: bool) -> Packets:
-    """Capsule, shape (1,), with its start angle [rad] and nothing else."""
+    """Make an empty capsule, shape (1,), with a start angle [rad]."""
     capsule = np.zeros(1, dtype)
     capsule["start"] = to_q6(start_angle) | (RESTART if restart else 0)
     return capsule
 
 
 def seal(capsule: Packets) -> bytes:
-    """Bytes of one capsule, sync nibbles and checksum added."""
+    """Add sync nibbles and checksum to a capsule, and return its bytes."""
     checksum = _checksums(capsule)
     capsule["sync"][:, 0] = 0xA0 | checksum & 0x0F
     capsule["sync"][:, 1] = 0x50 | checksum >> 4
@@ -46,13 +46,13 @@ def seal(capsule: Packets) -> bytes:
 
 
 def intact(capsules: Packets) -> Flags:
-    """Whether sync nibbles and checksum of each capsule hold."""
+    """Whether sync nibbles and checksum of each capsule are right."""
     low, high = capsules["sync"].T
     return (low >> 4 == 0xA) & (high >> 4 == 0x5) & (low & 0x0F | (high & 0x0F) << 4 == _checksums(capsules))
 
 
 def restarts(capsules: Packets) -> Flags:
-    """Whether the device lost its angle, or began, at each capsule."""
+    """Whether the device lost its angle, or started to scan, at each capsule."""
     return capsules["start"] >= RESTART
 
 
@@ -62,15 +62,15 @@ def starts_q6(capsules: Packets) -> npt.NDArray[np.int64]:
 
 
 def last_encoder_q6(capsules: Packets, samples: int) -> float:
-    """Find the encoder angle of the last sample that these capsules place, 64ths of a degree."""
+    """Return the encoder angle of the last sample whose angle these capsules determine, 64ths of a degree."""
     start, end = starts_q6(capsules[-2:])
     return (start + (end - start) % TURN_Q6 * (samples - 1) / samples) % TURN_Q6
 
 
 def decode_pairs(capsules: Packets, measured: Measured, first: int, last_encoder: float) -> Samples:
-    """Place the samples of all capsules but the last, whose angles are known only with the next.
+    """Interpolate the angles of the samples of all capsules but the last, between its start and that of the next.
 
-    A sample whose encoder angle has wrapped since the one before starts a revolution.
+    A sample whose encoder angle is smaller than the one before starts a revolution.
 
     Parameters
     ----------
@@ -79,7 +79,7 @@ def decode_pairs(capsules: Packets, measured: Measured, first: int, last_encoder
     first : number of the first capsule.
     last_encoder : encoder angle of the sample before, 64ths of a degree; NaN where there is none.
     """
-    count = measured.ranges.shape[1]
+    count: int = measured.ranges.shape[1]
     starts = starts_q6(capsules)
     turned = (starts[1:] - starts[:-1]) % TURN_Q6
     encoder = (starts[:-1, None] + (turned[:, None] * np.arange(count)) / count).reshape(-1)
@@ -97,6 +97,6 @@ def decode_pairs(capsules: Packets, measured: Measured, first: int, last_encoder
 
 
 def _checksums(capsules: Packets) -> npt.NDArray[np.uint8]:
-    """Exclusive or of all bytes behind the sync, shape (n,)."""
+    """Exclusive or of all bytes after the sync, shape (n,)."""
     content = np.ascontiguousarray(capsules).view(np.uint8).reshape(len(capsules), capsules.dtype.itemsize)
     return np.bitwise_xor.reduce(content[:, 2:], axis=1)

@@ -1,27 +1,27 @@
-"""Turns the stream of a scan into samples."""
+"""Decodes the byte stream of a scan into samples."""
 
 from dataclasses import replace
 
 import numpy as np
 
+from drivers.counts import Counts
 from drivers.rplidar.codecs.capsule import last_encoder_q6, restarts, starts_q6
 from drivers.rplidar.codecs.formats import FORMATS
 from drivers.rplidar.codecs.framing import framer
+from drivers.rplidar.codecs.outlier_filter import OutlierFilter
 from drivers.rplidar.codecs.samples import TURN_Q6, Join, Packets, Samples
-from drivers.rplidar.codecs.steady import Steady
 from drivers.rplidar.protocol.answers import Answer
-from drivers.rplidar.protocol.counts import Counts
 
 BACKWARDS = np.radians(10.0)
-"""Angles go back by no more than this within a revolution: the optical offset is at most 8 deg."""
+"""Largest decrease of the angle within a revolution: the optical offset is at most 8 deg [rad]."""
 
 
 class SampleDecoder:
-    """Samples of a stream of bytes, given as soon as they are complete; never raises, whatever the bytes.
+    """Decodes bytes into samples as soon as they are complete; never raises, whatever the bytes.
 
     Parameters
     ----------
-    answer : type of the packets, by the descriptor that came before them.
+    answer : type of the packets, from the descriptor of the scan.
     """
 
     def __init__(self, answer: Answer) -> None:
@@ -30,8 +30,8 @@ class SampleDecoder:
         self._counts = Counts()
         self._join = Join.RESTART
         self._received = 0
-        self._waiting = b""  # the capsule that the next one completes
-        self._turned = Steady()
+        self._waiting = b""  # the last capsule, whose angles the next one determines
+        self._turned = OutlierFilter()
         self._last_encoder = np.nan
         self._last_angle = np.nan
 
@@ -41,28 +41,28 @@ class SampleDecoder:
         return self._framer.counts + self._counts
 
     def feed(self, data: bytes) -> list[Samples]:
-        """Take bytes in.
+        """Decode the next bytes.
 
         Returns
         -------
-        Samples that are complete now, in their order; what lies between two elements is told by the later's ``join``.
+        Samples that are complete with these bytes, in order; ``join`` of an element is its relation to the one before.
         """
         decode = self._nodes if self._format.measure is None else self._capsules
         return [samples for packets, gap in self._framer.feed(data) for samples in decode(packets, gap)]
 
     def _nodes(self, packets: Packets, gap: bool) -> list[Samples]:
-        """Decode packets that hold their angles."""
+        """Decode packets that contain the angle of each sample."""
         if gap:
             self._lose()
         samples = self._joined(self._format.decode(packets, self._received))
         if samples.join is Join.GAP and samples.angles_clockwise[0] < self._last_angle - BACKWARDS:
-            samples.starts[0] = True  # the begin of a revolution was lost
+            samples.starts[0] = True  # the first sample of the revolution was lost
         self._last_angle = samples.angles_clockwise[-1]
         self._received += len(packets)
         return [samples]
 
     def _capsules(self, packets: Packets, gap: bool) -> list[Samples]:
-        """Decode capsules that have a next one."""
+        """Decode all capsules but the last; it waits for the next one."""
         if gap:
             self._lose()
             self._waiting = b""
@@ -73,19 +73,19 @@ class SampleDecoder:
         turned = ((starts[1:] - starts[:-1]) % TURN_Q6).tolist()
         restarted = restarts(capsules).tolist()
         found: list[Samples] = []
-        begin = 0
+        start = 0
         for k in range(old, len(capsules)):
             if restarted[k]:
-                found += self._pairs(capsules[begin:k], first + begin)
-                begin = k
+                found += self._pairs(capsules[start:k], first + start)
+                start = k
                 self._counts += Counts(restarts=first + k > 0)
-                self._join, self._last_encoder, self._turned = Join.RESTART, np.nan, Steady()
-            elif k > begin and not self._turned.agrees(turned[k - 1]):
-                found += self._pairs(capsules[begin:k], first + begin)
-                begin = k
+                self._join, self._last_encoder, self._turned = Join.RESTART, np.nan, OutlierFilter()
+            elif k > start and not self._turned.accepts(turned[k - 1]):
+                found += self._pairs(capsules[start:k], first + start)
+                start = k
                 self._counts += Counts(discontinuities=1)
                 self._lose()
-        found += self._pairs(capsules[begin:], first + begin)
+        found += self._pairs(capsules[start:], first + start)
         self._waiting = capsules[-1:].tobytes()
         self._received += len(packets)
         return found
@@ -98,7 +98,7 @@ class SampleDecoder:
         return [samples]
 
     def _lose(self) -> None:
-        """Note that something is missing before what comes next."""
+        """Mark that packets are missing before the next samples."""
         if self._join is Join.FOLLOWS:
             self._join = Join.GAP
 

@@ -18,7 +18,7 @@ def encode_dense(start_angle: float, ranges: Array, *, restart: bool = False) ->
     ----------
     start_angle : clockwise angle of the encoder at the first sample [rad].
     ranges : shape (40,) [m]; at most 65.535 m.
-    restart : the device lost its angle, or has just begun.
+    restart : whether the device lost its angle, or started to scan.
 
     Raises
     ------

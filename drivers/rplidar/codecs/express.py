@@ -23,8 +23,8 @@ def encode_express(start_angle: float, ranges: Array, offsets: Array, *, restart
     ----------
     start_angle : clockwise angle of the encoder at the first sample [rad].
     ranges : shape (32,) [m]; at most 16.383 m.
-    offsets : what each angle lags behind the encoder, shape (32,) [rad]; 0 to 7.875 deg.
-    restart : the device lost its angle, or has just begun.
+    offsets : clockwise angle by which each sample lags behind the encoder, shape (32,) [rad]; 0 to 7.875 deg.
+    restart : whether the device lost its angle, or started to scan.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""The packet formats by the type of their answer, and their decoding in bulk."""
+"""Packet formats by the type of their answer."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
@@ -13,16 +13,16 @@ from drivers.rplidar.protocol.answers import Answer
 
 @dataclass(frozen=True, slots=True)
 class PacketFormat:
-    """What is to be known of a packet.
+    """Layout, check and decoding of one type of packet.
 
     Parameters
     ----------
     dtype : of a packet.
     samples : in a packet.
-    pending : packets that must follow one before it is decoded.
-    intact : whether each packet, shape (n,), passes its check.
-    measure : what capsules, shape (n + 1,), say of the samples of the first n; None where packets hold their angles.
-    unpack : samples of packets, shape (n,), the first with a number; None for capsules.
+    pending : packets that must follow a packet before it is decoded.
+    intact : checks packets, shape (n,).
+    measure : unpacks the first n of n + 1 capsules without their angles; None for packets that are no capsules.
+    unpack : unpacks packets, shape (n,), given the number of the first; None for capsules.
     """
 
     dtype: np.dtype
@@ -38,7 +38,7 @@ class PacketFormat:
         return self.dtype.itemsize
 
     def decode(self, packets: Packets, first: int = 0, last_encoder: float = np.nan) -> Samples:
-        """Decode consecutive intact packets; of capsules all but the last, which the next completes.
+        """Decode consecutive intact packets; of capsules all but the last, whose angles the next one determines.
 
         Parameters
         ----------
@@ -64,4 +64,4 @@ FORMATS: Mapping[Answer, PacketFormat] = MappingProxyType(
         Answer.ULTRA_DENSE: PacketFormat(ultra_dense.DTYPE, ultra_dense.SAMPLES, measure=ultra_dense.measure),
     }
 )
-"""Every way samples come."""
+"""Format of each type of answer that contains samples."""

@@ -1,17 +1,17 @@
-"""Finds intact packets in a stream of bytes, whatever else the stream holds."""
+"""Finds intact packets in a stream of bytes that may be damaged."""
 
 import re
 
 import numpy as np
 
+from drivers.counts import Counts
 from drivers.rplidar.codecs import standard
 from drivers.rplidar.codecs.formats import FORMATS, PacketFormat
 from drivers.rplidar.codecs.samples import Flags, Packets
 from drivers.rplidar.protocol.answers import Answer
-from drivers.rplidar.protocol.counts import Counts
 
 BLOCK = 1 << 16
-"""Bytes looked at together: after damage, the rest of them is looked at again."""
+"""Bytes that are framed at once; after damage the rest of them is framed again."""
 
 SIZE = standard.DTYPE.itemsize
 LOOKAHEAD = standard.LOOKAHEAD
@@ -20,26 +20,26 @@ CAPSULE_SYNC = re.compile(rb"[\xa0-\xaf](?:[\x50-\x5f]|\Z)")
 HQ_SYNC = re.compile(rb"\xa5")
 
 Stretch = tuple[Packets, bool]
-"""Packets that follow each other, and whether something is missing before the first."""
+"""Consecutive packets, and whether bytes are missing before the first."""
 
 
 def framer(answer: Answer) -> "CheckedFramer | NodeFramer":
-    """Framer for the packets of an answer."""
+    """Make the framer for the packets of an answer."""
     if answer is Answer.STANDARD:
         return NodeFramer()
     return CheckedFramer(FORMATS[answer], HQ_SYNC if answer is Answer.HQ else CAPSULE_SYNC)
 
 
 class CheckedFramer:
-    """Frames packets that carry a checksum.
+    """Frames packets that have a checksum.
 
-    Behind one that does not fit, the stream goes on with the next that does. Where it lies askew of those before, the
-    begin of another must follow: 8 bits of checksum fit by chance once in a few hundred packets.
+    After a damaged packet framing continues at the next intact one. If that is not a whole number of packets further,
+    the sync of another must follow it: 8 bits of checksum are right by chance once in a few hundred candidates.
 
     Parameters
     ----------
     packet_format : of the packets.
-    sync : what a packet begins with; the end of the data may stand for all but its first byte.
+    sync : pattern of the first bytes of a packet; at the end of the data its first byte alone matches.
 
     Attributes
     ----------
@@ -55,14 +55,14 @@ class CheckedFramer:
         self._skipped = 0  # bytes since the last intact packet
 
     def feed(self, data: bytes) -> list[Stretch]:
-        """Take bytes in and return the packets that are complete with them."""
+        """Add bytes, and return the packets that are complete with them."""
         found: list[Stretch] = []
-        for begin in range(0, len(data), BLOCK):
-            self._rest = self._frame(self._rest + data[begin : begin + BLOCK], found)
+        for start in range(0, len(data), BLOCK):
+            self._rest = self._frame(self._rest + data[start : start + BLOCK], found)
         return found
 
     def _frame(self, buffer: bytes, found: list[Stretch]) -> bytes:
-        """Append what is found; return the bytes that wait for more."""
+        """Append the packets that are found; return the bytes of an incomplete one."""
         at, size = 0, self._format.size
         while True:
             if self._lost:
@@ -80,32 +80,33 @@ class CheckedFramer:
                 return buffer[at:]
             self._lost = True
 
-    def _search(self, buffer: bytes, begin: int) -> int:
-        """Find where the stream goes on, or may go on when more is there."""
+    def _search(self, buffer: bytes, start: int) -> int:
+        """Find the next intact packet, or the first that more bytes may complete, from ``start`` on."""
         size, errors, found = self._format.size, 0, len(buffer)
-        for match in self._sync.finditer(buffer, begin):
+        for match in self._sync.finditer(buffer, start):
             at = match.start()
             end = at + size
-            askew = (self._skipped + at - begin) % size > 0
-            if end + 2 * askew > len(buffer):
+            unaligned = (self._skipped + at - start) % size > 0
+            if end + 2 * unaligned > len(buffer):
                 found = at
                 break
             if self._format.intact(np.frombuffer(buffer, self._format.dtype, 1, at))[0]:
-                if not askew or self._sync.match(buffer, end):
+                if not unaligned or self._sync.match(buffer, end):
                     found, self._lost = at, False
                     break
             else:
-                errors += not askew
-        self._skipped += found - begin
-        self.counts += Counts(dropped_bytes=found - begin, checksum_errors=errors)
+                errors += not unaligned
+        self._skipped += found - start
+        self.counts += Counts(dropped_bytes=found - start, checksum_errors=errors)
         return found
 
 
 class NodeFramer:
     """Frames standard nodes, which have two check bits and no checksum.
 
-    A node is given when :data:`LOOKAHEAD` behind it hold. One that does not hold is passed over if as many behind it
-    do; else bytes were lost or added before, and the stream goes on with the first node that begins such a chain.
+    A node is returned when the check bits of the :data:`LOOKAHEAD` nodes after it are right. A node with wrong check
+    bits is skipped if those of as many nodes after it are right; else bytes were lost or added before it, and framing
+    continues at the first byte from which on as many nodes are right.
 
     Attributes
     ----------
@@ -119,26 +120,26 @@ class NodeFramer:
         self._gap = False
 
     def feed(self, data: bytes) -> list[Stretch]:
-        """Take bytes in and return the nodes that are known to be whole with them."""
+        """Add bytes, and return the nodes that are confirmed with them."""
         found: list[Stretch] = []
-        for begin in range(0, len(data), BLOCK):
-            self._rest = self._frame(self._rest + data[begin : begin + BLOCK], found)
+        for start in range(0, len(data), BLOCK):
+            self._rest = self._frame(self._rest + data[start : start + BLOCK], found)
         return found
 
     def _frame(self, buffer: bytes, found: list[Stretch]) -> bytes:
-        """Append what is found; return the bytes that wait for more."""
+        """Append the packets that are found; return the bytes of an incomplete one."""
         at = 0
-        holds = _node_begins(buffer)
-        chains = _chains(holds)
+        valid = _is_node_start(buffer)
+        chains = _chains(valid)
         while True:
             if not self._aligned:
-                begin = at + _leading(~chains[at:])
-                self._drop(begin - at)
-                at = begin
+                start = at + _leading(~chains[at:])
+                self._drop(start - at)
+                at = start
                 if at >= len(chains):
                     return buffer[at:]
                 self._aligned = True
-            nodes = holds[at : len(buffer) - SIZE + 1 : SIZE]
+            nodes = valid[at : len(buffer) - SIZE + 1 : SIZE]
             count = _leading(nodes)
             damaged = at + count * SIZE
             undecided = max(at, damaged - SIZE * LOOKAHEAD)
@@ -150,16 +151,16 @@ class NodeFramer:
                 at = damaged + SIZE
                 self._drop(SIZE)
                 continue
-            begin = undecided + 1 + _leading(~chains[undecided + 1 : damaged + 1])
-            self._aligned = begin <= damaged
-            whole = (begin - at) // SIZE if self._aligned else max(count - 1, 0)
+            start = undecided + 1 + _leading(~chains[undecided + 1 : damaged + 1])
+            self._aligned = start <= damaged
+            whole = (start - at) // SIZE if self._aligned else max(count - 1, 0)
             self._take(buffer, at, at + whole * SIZE, found)
-            self._drop(begin - at - whole * SIZE)
-            at = begin
+            self._drop(start - at - whole * SIZE)
+            at = start
 
-    def _take(self, buffer: bytes, begin: int, end: int, found: list[Stretch]) -> None:
-        if end > begin:
-            nodes = np.frombuffer(buffer, standard.DTYPE, (end - begin) // SIZE, begin)
+    def _take(self, buffer: bytes, start: int, end: int, found: list[Stretch]) -> None:
+        if end > start:
+            nodes = np.frombuffer(buffer, standard.DTYPE, (end - start) // SIZE, start)
             found.append((nodes, self._gap))
             self.counts += Counts(packets=len(nodes))
             self._gap = False
@@ -169,22 +170,22 @@ class NodeFramer:
         self._gap |= count > 0
 
 
-def _node_begins(buffer: bytes) -> Flags:
-    """Whether the check bits of a node hold at each byte but the last."""
+def _is_node_start(buffer: bytes) -> Flags:
+    """Whether the check bits of a node that starts there are right, for each byte but the last."""
     content = np.frombuffer(buffer, np.uint8)
     head, angle = content[:-1], content[1:]
     return ((head ^ (head >> 1)) & angle & 1).astype(np.bool_)
 
 
-def _chains(holds: Flags) -> Flags:
-    """Whether this node and those behind it hold, as far as the data reach."""
-    count = max(len(holds) - SIZE * (LOOKAHEAD - 1), 0)
+def _chains(valid: Flags) -> Flags:
+    """Whether a node and the next ones are valid, for each byte from which on they are complete."""
+    count = max(len(valid) - SIZE * (LOOKAHEAD - 1), 0)
     chains = np.ones(count, dtype=np.bool_)
     for k in range(LOOKAHEAD):
-        chains &= holds[k * SIZE : k * SIZE + count]
+        chains &= valid[k * SIZE : k * SIZE + count]
     return chains
 
 
 def _leading(flags: Flags) -> int:
-    """How many are true before the first that is not."""
+    """Count the leading true values."""
     return len(flags) if flags.all() else int(flags.argmin())

@@ -25,7 +25,7 @@ _RADIANS_PER_STEP = 2.0 * math.pi / 65536.0
 
 
 def crc32(data: bytes) -> int:
-    """CRC of the device: that of zlib over the data and zeros behind it, 4 - (size mod 4) of them."""
+    """CRC of the device: that of zlib over the data, padded with 4 - (size mod 4) zeros."""
     return zlib.crc32(data + bytes(4 - len(data) % 4))
 
 
@@ -44,7 +44,7 @@ def encode_hq(
 
 
 def intact(packets: Packets) -> Flags:
-    """Whether sync byte and CRC of each packet hold."""
+    """Whether sync byte and CRC of each packet are right."""
     return (packets["sync"] == SYNC) & (packets["crc"] == [crc32(packet.tobytes()[:-4]) for packet in packets])
 
 

@@ -1,4 +1,4 @@
-"""Decoded samples, whatever packet they came in."""
+"""Decoded samples of all packet formats."""
 
 import math
 from dataclasses import dataclass
@@ -11,23 +11,23 @@ from features.se2 import Array
 
 Flags = npt.NDArray[np.bool_]
 Packets = npt.NDArray[np.void]
-"""Packets as the wire has them: a structured array of one of the packet types."""
+"""Packets as they are transmitted: a structured array of one of the packet types."""
 
 TURN_Q6 = 360 * 64
 RADIANS_PER_Q6 = 2.0 * math.pi / TURN_Q6
 
 NOMINAL_QUALITY = 0x2F << 2
-"""Quality of a sample that returned, in packets that carry none."""
+"""Quality of a sample with a return, for packets without quality."""
 
 
 class Join(Enum):
-    """How samples go on from those before."""
+    """Relation of samples to those before."""
 
     FOLLOWS = auto()
     GAP = auto()
     """Packets are missing in between."""
     RESTART = auto()
-    """The device lost its angle, or has just begun: the revolution so far is void."""
+    """The device lost its angle, or started to scan: the revolution so far is invalid."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -40,8 +40,8 @@ class Samples:
     ranges : [m]; 0 is no return.
     qualities : strength of the return, 0 to 255.
     starts : whether a sample is the first of a revolution.
-    packets : number of the packet that a sample came in, counted from the begin of the stream.
-    join : how the first sample goes on from the one before it.
+    packets : number of the packet that a sample came in, counted from the start of the stream.
+    join : relation of the first sample to the one before it.
     """
 
     angles_clockwise: Array

@@ -10,7 +10,7 @@ DTYPE = np.dtype([("head", "u1"), ("angle", "<u2"), ("distance", "<u2")])
 """``head``: bit 0 S, first of a revolution; bit 1 its complement; then the quality. ``angle``: bit 0 is 1, then q6."""
 
 LOOKAHEAD = 8
-"""Nodes behind a node that must hold for it to be believed: each has but two check bits."""
+"""Nodes after a node whose check bits must be right for it to be accepted: each node has two check bits only."""
 
 
 def encode_standard(angles_clockwise: Array, ranges: Array, qualities: npt.NDArray[np.uint8], starts: Flags) -> bytes:
@@ -24,7 +24,7 @@ def encode_standard(angles_clockwise: Array, ranges: Array, qualities: npt.NDArr
 
 
 def intact(packets: Packets) -> Flags:
-    """Whether the check bits of each packet hold."""
+    """Whether the check bits of each packet are right."""
     head = packets["head"]
     return ((head ^ (head >> 1)) & packets["angle"] & 1).astype(np.bool_)
 

@@ -1,4 +1,4 @@
-"""Ultra capsules, answer 0x84: 96 samples, every third whole and the others told from it."""
+"""Ultra capsules, answer 0x84: 96 samples, every third in full and the others as differences to it."""
 
 import math
 
@@ -27,14 +27,14 @@ _DIFFERENCES = (-511, 510)
 
 
 def encode_ultra(start_angle: float, ranges: Array, next_range: float = 0.0, *, restart: bool = False) -> bytes:
-    """Pack 96 samples; what the differences cannot tell becomes no return.
+    """Pack 96 samples; a range whose difference is too large to be encoded becomes no return.
 
     Parameters
     ----------
     start_angle : clockwise angle of the encoder at the first sample [rad].
     ranges : shape (96,) [m]; at most 28.656 m.
     next_range : of the first sample of the next capsule [m], which the last differences refer to.
-    restart : the device lost its angle, or has just begun.
+    restart : whether the device lost its angle, or started to scan.
 
     Raises
     ------
@@ -52,7 +52,7 @@ def encode_ultra(start_angle: float, ranges: Array, next_range: float = 0.0, *, 
 
 
 def measure(capsules: Packets) -> Measured:
-    """Unpack the samples of all capsules but the last, whose first range those before it refer to."""
+    """Unpack the samples of all capsules but the last; the last differences of a capsule refer to the next one."""
     cabins = capsules["cabin"].astype(np.int64)
     majors, levels = _from_codes(np.append(cabins[:-1].reshape(-1), cabins[-1, 0]) & 0xFFF)
     words = cabins[:-1].reshape(-1)
@@ -89,7 +89,7 @@ def _to_codes(distances: Steps) -> Steps:
 
 
 def _from_codes(codes: Steps) -> tuple[Steps, Steps]:
-    """Distance [mm] of each code, and the level of its scale: a step is 2^level mm."""
+    """Distance [mm] of each code, and the level of its scale, whose step is 2^level mm."""
     level = np.searchsorted(_CODES, codes, side="right") - 1
     return _DISTANCES[level] + ((codes - _CODES[level]) << level), level
 

@@ -34,7 +34,7 @@ def encode_ultra_dense(
     start_angle : clockwise angle of the encoder at the first sample [rad].
     ranges : shape (64,) [m]; at most 65.522 m.
     qualities : shape (64,), 0 to 255; kept in steps of 1 near, to 8 far.
-    restart : the device lost its angle, or has just begun.
+    restart : whether the device lost its angle, or started to scan.
     time, status : of the device.
 
     Raises

@@ -1,26 +1,26 @@
-"""Finds the answer to a request among samples of an earlier scan, boot messages and whatever else comes before it."""
+"""Finds the answer to a request among samples of an earlier scan, boot messages and other bytes."""
 
 from collections.abc import Mapping
 
 from drivers.rplidar.protocol.answers import DESCRIPTOR_SIZE, DESCRIPTOR_SYNC, Answer, Descriptor
 
 MAX_SIZE = 256
-"""Bytes of the longest answer of no fixed size that is believed."""
+"""Size of the longest answer of variable size that is accepted [bytes]."""
 
 
 class AnswerSearch:
-    """Takes bytes in until the answer is there; never raises, whatever the bytes.
+    """Searches received bytes for an answer; never raises, whatever the bytes.
 
     Parameters
     ----------
-    sizes : types of the answer that are accepted, with the bytes of a packet; None where they vary.
-    multiple : the answer is a stream of packets; it is there when its descriptor is.
+    sizes : accepted types of the answer, each with the size of its packet [bytes]; None for a variable size.
+    multiple : the answer is a stream of packets; it is found with its descriptor.
 
     Attributes
     ----------
-    descriptor : of the answer, once it is there.
-    payload : of the answer, empty where it is a stream.
-    skipped : the bytes before the answer, so far.
+    descriptor : of the answer, None until it is found.
+    payload : of the answer, empty for a stream.
+    skipped : bytes before the answer so far.
     """
 
     def __init__(self, sizes: Mapping[Answer, int | None], *, multiple: bool = False) -> None:
@@ -32,13 +32,13 @@ class AnswerSearch:
         self.skipped = b""
 
     def feed(self, data: bytes) -> bool:
-        """Take bytes in and say whether the answer is there."""
+        """Add bytes, and return whether the answer is found."""
         self._buffer += data
         while self.descriptor is None:
-            begin = self._buffer.find(DESCRIPTOR_SYNC)
-            if begin < 0:
-                begin = len(self._buffer) - self._buffer.endswith(DESCRIPTOR_SYNC[:1])
-            self._skip(begin)
+            start = self._buffer.find(DESCRIPTOR_SYNC)
+            if start < 0:
+                start = len(self._buffer) - self._buffer.endswith(DESCRIPTOR_SYNC[:1])
+            self._skip(start)
             if len(self._buffer) < DESCRIPTOR_SIZE:
                 return False
             descriptor = Descriptor.unpack(self._buffer[:DESCRIPTOR_SIZE])
@@ -54,7 +54,7 @@ class AnswerSearch:
 
     @property
     def rest(self) -> bytes:
-        """Bytes behind the answer: the first samples, where it is a stream."""
+        """Bytes after the answer: of a stream the first samples."""
         return self._buffer if self.descriptor is not None else b""
 
     def _expected(self, descriptor: Descriptor) -> bool:

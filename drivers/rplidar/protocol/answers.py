@@ -1,9 +1,9 @@
-"""Answers of the device other than samples: the descriptor before each, and their values; built and parsed."""
+"""Answers of the device other than samples, with their descriptors: packed and parsed."""
 
 import struct
 from dataclasses import dataclass
 from enum import IntEnum
-from typing import Self
+from typing import Any, Self
 
 from drivers.errors import DriverError
 
@@ -30,12 +30,12 @@ class Answer(IntEnum):
 
 @dataclass(frozen=True, slots=True)
 class Descriptor:
-    """What comes before an answer.
+    """Header of an answer.
 
     Parameters
     ----------
-    size : bytes of one packet, 30 bits.
-    multiple : packets follow until the scan is stopped, without further descriptors.
+    size : size of one packet, 30 bits [bytes].
+    multiple : whether packets without further descriptors follow until the scan is stopped.
     kind : type of the answer.
     """
 
@@ -49,7 +49,7 @@ class Descriptor:
 
     @classmethod
     def unpack(cls, data: bytes) -> Self | None:
-        """Descriptor that 7 bytes hold; None where they are none."""
+        """Parse 7 bytes; None where they are no descriptor."""
         if len(data) != DESCRIPTOR_SIZE or data[:2] != DESCRIPTOR_SYNC:
             return None
         word, kind = struct.unpack("<IB", data[2:])
@@ -87,7 +87,7 @@ class DeviceInfo:
 
 
 class Status(IntEnum):
-    """State of the device by its own judgement."""
+    """Health status that the device reports."""
 
     GOOD = 0
     WARNING = 1
@@ -129,7 +129,7 @@ class SampleRate:
 
 
 class Conf(IntEnum):
-    """Values of the configuration; those of a mode are asked for with its id."""
+    """Values of the configuration; those of a scan mode are requested with its id."""
 
     MODE_COUNT = 0x70
     US_PER_SAMPLE = 0x71
@@ -146,11 +146,11 @@ _NUMBERS = {
     Conf.ANSWER_TYPE: ("<B", 1),
     Conf.TYPICAL_MODE: ("<H", 1),
 }
-"""Format, and units of the last place in one."""
+"""Format, and the factor of the fixed-point number."""
 
 
 def pack_conf(kind: Conf, value: float | str) -> bytes:
-    """Payload of an answer to GET_LIDAR_CONF: the type asked for, then its value."""
+    """Payload of an answer to GET_LIDAR_CONF: the requested type, then its value."""
     echo = struct.pack("<I", kind)
     if isinstance(value, str):
         return echo + value.encode("ascii") + b"\0"
@@ -159,7 +159,7 @@ def pack_conf(kind: Conf, value: float | str) -> bytes:
 
 
 def unpack_number(kind: Conf, payload: bytes) -> float:
-    """Value of an answer to GET_LIDAR_CONF; :class:`DriverError` where it is another's, or too short."""
+    """Value of an answer to GET_LIDAR_CONF; :class:`DriverError` where it is of another type, or too short."""
     layout, scale = _NUMBERS[kind]
     value = _conf_value(kind, payload)
     (number,) = _unpack(layout, value[: struct.calcsize(layout)], f"GET_LIDAR_CONF {kind.name}")
@@ -167,7 +167,7 @@ def unpack_number(kind: Conf, payload: bytes) -> float:
 
 
 def unpack_name(payload: bytes) -> str:
-    """Name of a scan mode; :class:`DriverError` where the answer is another's."""
+    """Name of a scan mode; :class:`DriverError` where the answer is of another type."""
     return _conf_value(Conf.MODE_NAME, payload).partition(b"\0")[0].decode("ascii", errors="replace")
 
 
@@ -177,7 +177,7 @@ def _conf_value(kind: Conf, payload: bytes) -> bytes:
     return payload[4:]
 
 
-def _unpack(layout: str, payload: bytes, name: str) -> tuple:
+def _unpack(layout: str, payload: bytes, name: str) -> tuple[Any, ...]:
     expected = struct.calcsize(layout)
     if len(payload) != expected:
         raise DriverError(f"{name} was answered with {len(payload)} bytes: expected {expected}")

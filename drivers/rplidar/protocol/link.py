@@ -10,7 +10,7 @@ import serial
 from drivers.errors import DriverError
 
 READ_WAIT = 0.05
-"""Longest time that a read waits for the first byte [s]."""
+"""Longest wait of a read for its first byte [s]."""
 
 _HINTS = {
     errno.ENOENT: "there is no such port: `cwlf-slam devices` lists those that are there",
@@ -25,12 +25,12 @@ class LinkClosedError(DriverError):
 
 
 class Link:
-    """A serial port whose failures are :class:`DriverError`, opened with the motor's line at rest.
+    """A serial port whose failures are :class:`DriverError`.
 
     Parameters
     ----------
     port : name of the port.
-    closing : set when the driver is to end; reads then raise.
+    closing : set by another thread to close the driver; reads then raise :class:`LinkClosedError`.
 
     Raises
     ------
@@ -69,7 +69,7 @@ class Link:
             raise self._lost(error) from None
 
     def read(self) -> bytes:
-        """Receive what is there, after a wait of up to :data:`READ_WAIT` for the first byte; may be nothing."""
+        """Receive the available bytes, after a wait of up to :data:`READ_WAIT` for the first; may be empty."""
         if self._closing.is_set():
             raise LinkClosedError(f"{self.port}: the driver is being closed")
         try:
@@ -79,7 +79,7 @@ class Link:
             raise self._lost(error) from None
 
     def drain(self, quiet: float, limit: float) -> bytes:
-        """Receive until nothing has come for a time, or a longer one is over [s]; return what came."""
+        """Receive until no byte has come for ``quiet`` [s], for ``limit`` [s] at most; return the bytes."""
         received = bytearray()
         start = last = time.monotonic()
         while (now := time.monotonic()) - last < quiet and now - start < limit:
@@ -89,12 +89,12 @@ class Link:
         return bytes(received)
 
     def set_dtr(self, on: bool) -> None:
-        """Set the line that stops the motor of an A1; a port without such lines has none to set."""
+        """Set the DTR line, which stops the motor of an A1; a port without this line ignores it."""
         with suppress(OSError):
             self._serial.dtr = on
 
     def close(self) -> None:
-        """Close the port, gone or not."""
+        """Close the port, also when it was unplugged."""
         with suppress(OSError):
             self._serial.close()
 

@@ -1,4 +1,4 @@
-"""What the model byte of a scanner tells: its name, how its motor is driven, the preset of its noise."""
+"""Properties of a scanner by its model byte: its name, how its motor is driven, its sensor preset."""
 
 from enum import Enum, auto
 
@@ -37,5 +37,5 @@ def has_conf(model: int, firmware: tuple[int, int]) -> bool:
 
 
 def sensor_name(model: int) -> str | None:
-    """Preset of a model's noise and limits; None where there is none."""
+    """Sensor preset of a model; None where there is none."""
     return {1: "rplidar-a1", 2: "rplidar-a2", 3: "rplidar-a3", 6: "rplidar-s1", 7: "rplidar-s2"}.get(model >> 4)

@@ -1,7 +1,5 @@
-"""Requests of the host: built as bytes, and found again in a stream of bytes."""
+"""Requests of the host: packed as bytes, and found in a stream of bytes."""
 
-import functools
-import operator
 import struct
 from dataclasses import dataclass
 from enum import IntEnum
@@ -12,7 +10,7 @@ SYNC = 0xA5
 
 
 class Command(IntEnum):
-    """Second byte of a request; bit 7 says that a payload follows."""
+    """Second byte of a request; bit 7 is set where a payload follows."""
 
     SCAN = 0x20
     FORCE_SCAN = 0x21
@@ -62,43 +60,46 @@ class Request:
 
 def xor(data: bytes) -> int:
     """Exclusive or of all bytes: the checksum of a request."""
-    return functools.reduce(operator.xor, data, 0)
+    checksum = 0
+    for byte in data:
+        checksum ^= byte
+    return checksum
 
 
 def request(command: Command) -> bytes:
-    """Request without values: those without payload, and the flag of the accessory board."""
+    """Request without parameters."""
     return Request(command, bytes(4) if command is Command.GET_ACC_BOARD_FLAG else b"").pack()
 
 
 def express_scan(mode: int) -> bytes:
-    """Scan in the mode of this id; 0 on a device without a list of modes."""
+    """Request to scan in the mode of this id; 0 on a device without a list of modes."""
     return Request(Command.EXPRESS_SCAN, struct.pack("<BHH", mode, 0, 0)).pack()
 
 
 def motor_speed(rpm: int) -> bytes:
-    """Turn at this speed [rpm]; 0 is idle."""
+    """Request to turn at this speed [1/min]; 0 stops the motor."""
     return Request(Command.MOTOR_SPEED, struct.pack("<H", rpm)).pack()
 
 
 def motor_pwm(pwm: int) -> bytes:
-    """Drive the motor through the accessory board at 0 to 1023."""
+    """Request to drive the motor through the accessory board with a duty cycle of 0 to 1023."""
     return Request(Command.SET_MOTOR_PWM, struct.pack("<H", pwm)).pack()
 
 
 def lidar_conf(kind: Conf, mode: int | None = None) -> bytes:
-    """Ask for a value of the configuration, where it has one per scan mode with the id of the mode."""
-    place = b"" if mode is None else struct.pack("<H", mode)
-    return Request(Command.GET_LIDAR_CONF, struct.pack("<I", kind) + place).pack()
+    """Request for a value of the configuration; one that each scan mode has is requested with the id of the mode."""
+    mode_id = b"" if mode is None else struct.pack("<H", mode)
+    return Request(Command.GET_LIDAR_CONF, struct.pack("<I", kind) + mode_id).pack()
 
 
 class RequestReader:
-    """Finds requests in what a device receives; what is none is skipped."""
+    """Finds requests in the bytes that a device receives; other bytes are skipped."""
 
     def __init__(self) -> None:
         self._buffer = bytearray()
 
     def feed(self, data: bytes) -> list[Request]:
-        """Take bytes in and return the requests that are complete with them."""
+        """Add bytes, and return the requests that are complete with them."""
         self._buffer += data
         found: list[Request] = []
         while (start := self._buffer.find(SYNC)) >= 0:
@@ -116,7 +117,7 @@ class RequestReader:
         return found
 
     def _read(self) -> tuple[Request | None, int] | None:
-        """Request at the start of the buffer, and the bytes it takes; None while it is not complete."""
+        """Request at the start of the buffer and its size; None while it is incomplete."""
         try:
             command = Command(self._buffer[1])
         except ValueError:

@@ -21,7 +21,7 @@ TRUTH_RATE = 50.0
 def emulate(
     world_name: Annotated[str, typer.Option("--world", help="Name of a built-in world, or file.", show_default=False)],
     model: Annotated[
-        Literal["S1", "A1", "A2", "A3", "S2"], typer.Option("--model", help="RPLIDAR to be.", case_sensitive=False)
+        Literal["S1", "A1", "A2", "A3", "S2"], typer.Option("--model", help="RPLIDAR to emulate.", case_sensitive=False)
     ] = "S1",
     path: Annotated[
         Path | None,
@@ -33,10 +33,10 @@ def emulate(
     seed: Annotated[int, typer.Option("--seed", min=0, help="Seed of all that is random.")] = 1,
     fault: Annotated[
         list[str] | None,
-        typer.Option("--fault", "--faults", help="Fault to have, or `all`; may be repeated.", show_default=False),
+        typer.Option("--fault", "--faults", help="Fault to emulate, or `all`; may be repeated.", show_default=False),
     ] = None,
     link: Annotated[
-        Path | None, typer.Option("--link", help="Symbolic link to keep on the device.", show_default=False)
+        Path | None, typer.Option("--link", help="Symbolic link that always leads to the device.", show_default=False)
     ] = None,
     truth: Annotated[
         Path | None,
@@ -44,10 +44,10 @@ def emulate(
     ] = None,
     may_be_open: Annotated[bool, typer.Option("--open", help="Drive although outlines are not closed.")] = False,
 ) -> None:
-    """Be an RPLIDAR on a robot in a simulated world, at the end of a pseudo-terminal, until Ctrl-C.
+    """Emulate an RPLIDAR on a robot in a simulated world, on a pseudo-terminal, until Ctrl-C.
 
-    The robot leaves with the first sample and stands when it is at the end of its path. The device listens at the baud
-    rate of the model. In the end it prints what was sent, and what each fault destroyed of it.
+    The robot starts with the first sample and stops at the end of its path. The device communicates at the baud rate of
+    the model. At the end the command prints what was sent, and what each fault destroyed of it.
     """
     from sim.emulator import FAULTS, MODELS, Device, Scene, single_beams
     from sim.emulator.terminal import Terminal
@@ -91,7 +91,7 @@ def _laps(waypoints: Array, laps: int) -> Array:
 
 
 def _table(ledger: Ledger) -> Iterator[str]:
-    """Lines that tell what was sent and what was lost."""
+    """Yield the lines of the table of what was sent and what was lost."""
     yield f"{'sent':16s} {ledger.packets:,} packets, {ledger.samples:,} samples, {ledger.revolutions:,} revolutions"
     columns = ("events", "bytes", "packets", "debris", "samples", "revolutions")
     if ledger.losses:
@@ -101,7 +101,7 @@ def _table(ledger: Ledger) -> Iterator[str]:
 
 
 def _write_truth(path: Path, trajectory: Trajectory, device: Device, started: float, end: float) -> None:
-    """Write the poses of the robot at the times of the host; before its departure it stands.
+    """Write the poses of the robot at the times of the host; it stands still before its departure.
 
     Raises
     ------

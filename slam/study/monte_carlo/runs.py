@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field
 
+from drivers.frame import SourceInfo
 from features.se2 import Array
 from sim import EFFECTS, ODOMETRIES, Lidar, SimulatedRun, Site, find_site, site_run
 from slam.config import SlamConfig
@@ -84,7 +85,7 @@ def study_config(path: Path | None = None) -> SlamConfig:
     ConfigError
         See :func:`slam.config_file.load_config`.
     """
-    return load_config(path, source_preset=SENSOR)
+    return load_config(path, source=SourceInfo("simulated", SENSOR))
 
 
 def simulated_run(settings: MonteCarloSettings, seed: int) -> SimulatedRun:

@@ -11,7 +11,7 @@ from slam.config import SlamConfig
 from slam.errors import DivergedError
 from slam.evaluation.evaluate import evaluate_simulated
 from slam.evaluation.metrics import ate, nees
-from slam.filter.landmark_table import GONE, MERGED
+from slam.filter.landmark_table import MERGED, REMOVED
 from slam.map.landmark_map import LandmarkMap
 from slam.pipeline import Slam
 from slam.result.trajectory import Trajectory
@@ -89,7 +89,7 @@ def simulate(source: SimulatedRun, config: SlamConfig, scans: int = 0) -> dict[s
         "landmark_nees": _landmark_nees(source, result.landmarks, landmarks),
         "landmarks_born": len(lives),
         "landmarks_merged": int((lives == MERGED).sum()),
-        "landmarks_ended": int((lives == GONE).sum()),
+        "landmarks_ended": int((lives == REMOVED).sum()),
         "closures": closures.accepted,
         "closures_revoked": closures.revoked,
         "closures_false": closures.false,

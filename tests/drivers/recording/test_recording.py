@@ -13,6 +13,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from drivers import CarmenLog, Frame, LogFormatError, Recorder, RecordError, Recording, is_recording, open_log
+from drivers.frame import SourceInfo
 from features.scan import LaserScan
 from features.sensor import Mounting
 
@@ -43,8 +44,9 @@ def drives(draw):
     return frames
 
 
-def record(path, frames, **more):
-    with Recorder(path, name="hall", sensor="rplidar-s1", mounting=MOUNTING, overwrite=True, **more) as recorder:
+def record(path, frames, *, odometry=True, **more):
+    info = SourceInfo("hall", "rplidar-s1", MOUNTING, odometry)
+    with Recorder(path, info, overwrite=True, **more) as recorder:
         for frame, truth in frames:
             recorder.write(frame, truth)
     return path
@@ -165,10 +167,9 @@ def test_a_killed_recorder_leaves_all_but_its_last_frames(tmp_path):
     path = tmp_path / "killed.gz"
     code = (
         "import os, sys, numpy as np\n"
-        "from drivers import Frame, Recorder\n"
+        "from drivers import Frame, Recorder, SourceInfo\n"
         "from features.scan import LaserScan\n"
-        "from features.sensor import Mounting\n"
-        "recorder = Recorder(sys.argv[1], name='k', sensor='sick-lms', mounting=Mounting())\n"
+        "recorder = Recorder(sys.argv[1], SourceInfo('k', 'sick-lms'))\n"
         "for k in range(170):\n"
         "    recorder.write(Frame(0.1 * k, np.zeros(3), LaserScan(np.ones(3), np.arange(3.0))))\n"
         "os._exit(9)\n"
@@ -182,7 +183,7 @@ def test_memory_does_not_grow_with_the_recording(tmp_path):
 
     def peak(count):
         tracemalloc.start()
-        with Recorder(tmp_path / f"{count}.gz", name="m", sensor="sick-lms", mounting=Mounting()) as recorder:
+        with Recorder(tmp_path / f"{count}.gz", SourceInfo("m", "sick-lms")) as recorder:
             for k in range(count):
                 recorder.write(Frame(float(k), np.zeros(3), LaserScan(rng.uniform(1.0, 9.0, 100), angles)))
         for _ in Recording(tmp_path / f"{count}.gz"):
@@ -199,7 +200,7 @@ def test_a_file_that_is_there_is_kept_unless_told_otherwise(tmp_path):
     path = tmp_path / "mine.gz"
     path.write_text("precious")
     with pytest.raises(RecordError, match="is there already"):
-        Recorder(path, name="n", sensor="sick-lms", mounting=Mounting())
+        Recorder(path, SourceInfo("n", "sick-lms"))
     assert path.read_text() == "precious"
 
 
@@ -207,7 +208,7 @@ def test_a_place_that_cannot_be_written_is_one_line(tmp_path):
     (tmp_path / "file").touch()
     for path in (tmp_path / "file" / "r.gz", tmp_path):
         with pytest.raises(RecordError, match=r"cannot be written|there already"):
-            Recorder(path, name="n", sensor="sick-lms", mounting=Mounting())
+            Recorder(path, SourceInfo("n", "sick-lms"))
 
 
 @pytest.mark.parametrize(

@@ -77,7 +77,7 @@ STOP = request(Command.STOP)
 def test_revolutions_come_and_the_motor_stops(scanner, model, name, sensor, last):
     with scanner(model) as emulated:
         with Rplidar(emulated.port) as lidar:
-            assert (lidar.name, lidar.sensor, lidar.info) == (name, sensor, emulated.device.model.info)
+            assert (lidar.name, lidar.sensor, lidar.device_info) == (name, sensor, emulated.device.model.info)
             frames = list(itertools.islice(lidar, 3))
         assert emulated.hears_last(*last)
     for frame in frames:
@@ -155,8 +155,8 @@ def test_an_unplugged_scanner_is_found_again(scanner, caplog):
     assert lidar.counts.reconnects == 1
     lost, found = (record.getMessage() for record in caplog.records)
     assert "the connection broke off" in lost
-    assert "check the cable; the scanner is looked for again" in lost
-    assert "is there again" in found
+    assert "check the cable; reconnecting" in lost
+    assert "is connected again" in found
 
 
 def test_closing_ends_the_search_for_an_unplugged_scanner(scanner):

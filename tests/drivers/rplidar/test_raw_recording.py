@@ -6,12 +6,11 @@ import pytest
 from emulated import emulated_chunks
 
 from drivers.errors import LogFormatError
-from drivers.frame import Frame
+from drivers.frame import Frame, SourceInfo
 from drivers.recording.recorder import Recorder
 from drivers.recording.recording import Recording
 from drivers.rplidar import RawRecorder, RawRecording, RevolutionDecoder
 from features.scan import LaserScan
-from features.sensor import Mounting
 
 EPOCH = 1.7e9
 
@@ -21,7 +20,7 @@ def recording(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Recording of an emulated scanner as the driver makes it: the frames behind the bytes that they are made of."""
     path = tmp_path_factory.mktemp("raw") / "hall.jsonl.gz"
     stream, chunks = emulated_chunks(seconds=3.0)
-    with Recorder(path, name="S1M1", sensor="rplidar-s1", mounting=Mounting(), odometry=False) as recorder:
+    with Recorder(path, SourceInfo("S1M1", "rplidar-s1", has_odometry=False)) as recorder:
         tap = RawRecorder(recorder)
         tap.begin(stream, EPOCH)
         decoder = RevolutionDecoder(stream)
@@ -64,7 +63,7 @@ def test_frames_come_anew_with_each_iteration_and_are_counted(recording: Path):
 def test_what_a_killed_process_leaves_lacks_no_more_than_a_second(tmp_path: Path):
     path = tmp_path / "killed.jsonl.gz"
     stream, chunks = emulated_chunks(seconds=3.0)
-    recorder = Recorder(path, name="S1M1", sensor="rplidar-s1", mounting=Mounting(), odometry=False)
+    recorder = Recorder(path, SourceInfo("S1M1", "rplidar-s1", has_odometry=False))
     tap = RawRecorder(recorder)
     tap.begin(stream, EPOCH)
     decoder = RevolutionDecoder(stream)
@@ -84,7 +83,7 @@ def test_what_a_killed_process_leaves_lacks_no_more_than_a_second(tmp_path: Path
 def test_odometry_of_the_frames_is_interpolated(tmp_path: Path):
     path = tmp_path / "wheels.jsonl.gz"
     stream, chunks = emulated_chunks(seconds=2.0)
-    with Recorder(path, name="S1M1", sensor="rplidar-s1", mounting=Mounting()) as recorder:
+    with Recorder(path, SourceInfo("S1M1", "rplidar-s1")) as recorder:
         tap = RawRecorder(recorder)
         tap.begin(stream, 0.0)
         for time, data in chunks:
@@ -101,7 +100,7 @@ def test_odometry_of_the_frames_is_interpolated(tmp_path: Path):
 
 def test_recording_without_bytes_is_refused(tmp_path: Path):
     path = tmp_path / "scans.jsonl.gz"
-    with Recorder(path, name="hall", sensor="rplidar-s1", mounting=Mounting()) as recorder:
+    with Recorder(path, SourceInfo("hall", "rplidar-s1")) as recorder:
         recorder.write(Frame(0.0, np.zeros(3)))
     with pytest.raises(LogFormatError, match=r"scans\.jsonl\.gz holds no raw bytes"):
         RawRecording(path)

@@ -6,12 +6,11 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from observed_corners import SIGMA, corners
+from observed_corners import SIGMA, corners, points
 from scipy.stats import chi2
 
 from features.feature import Corners
 from features.se2 import compose, pose, rotation, transform, wrap_angle
-from features.signature import Signatures
 from slam.filter.association import Gates, ObservationCounts, associate
 from slam.filter.association import _innovations as innovations  # the covariances that the gate works with
 from slam.filter.ekf import LandmarkEkf, predict_corners
@@ -271,26 +270,24 @@ def test_joint_compatibility_is_right_more_often_than_the_nearest_neighbour():
     assert wrong_pairs["joint"] < 0.2 * wrong_pairs["nearest"]
 
 
-def points(positions):
-    found = corners(positions)
-    return Corners.of(found.positions, found.covs, Signatures.of_points(len(found)))
-
-
 @either_method
-def test_two_points_that_are_seen_at_once_are_two_however_near(method):
+def test_two_points_without_signature_that_are_seen_at_once_are_two_however_near(method):
     """A corner beside one that is matched may be half of it; a point, such as a barcode, stands for itself."""
     rules = gates(method, birth_distance=0.5)
-    known, seen = [[2.0, 1.0]], [[2.0, 1.0], [2.3, 1.0]]
+    positions = [[2.0, 1.0], [2.3, 1.0]]
+    known, seen = ([[2.0, 1.0]], positions)
     assert outcome(points(seen), points(known), rules) == ({0: 0}, [1])
     assert outcome(corners(seen), corners(known), rules) == ({0: 0}, [])
     # Alone it is too near to what was not seen just now to be another one.
-    assert outcome(points([[2.3, 1.0]]), points(known), rules) == ({}, [])
+    lone = points([[2.3, 1.0]])
+    assert outcome(lone, points(known), rules) == ({}, [])
 
 
 @either_method
 def test_each_corner_is_counted_once_also_a_point_that_is_new_within_the_gate_of_another(method):
+    known = world(points([[2.0, 1.0]]))
     seen = points([[2.0, 1.0], [2.05, 1.0], [2.3, 1.0]])
-    association = associate(seen, *world(points([[2.0, 1.0]])), gates(method, birth_distance=0.5))
+    association = associate(seen, *known, gates(method, birth_distance=0.5))
     assert (association.corners.tolist(), association.new.tolist(), association.ambiguous) == ([0], [1, 2], 0)
     counts = ObservationCounts()
     counts.add(len(seen), association)

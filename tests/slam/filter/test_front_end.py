@@ -16,7 +16,7 @@ from features.sensor import Mounting, SensorModel
 from slam.filter.association import Gates
 from slam.filter.ekf import predict_corners
 from slam.filter.front_end import MERGE_SIGMA, FrontEnd
-from slam.filter.landmark_table import GONE, LOCAL, MERGED
+from slam.filter.landmark_table import ACTIVE, MERGED, REMOVED
 from slam.odometry.beams import SEEN_THROUGH, seen_through
 
 KEEP = 5.0
@@ -41,7 +41,7 @@ def resting(seed, heading):
     front = front_end(pose(*rng.normal(0.0, 5.0, 2), heading), np.diag([0.1, 0.1, 0.05]) ** 2)
     front.observe(corners([[2.0, 1.0], [5.5, 0.5], [6.0, -1.0], [1.0, -2.0]], orientations=0.4, sigma=(0.02, 0.08)))
     key_pose = front.ekf.pose
-    front.rest(0, NOTHING)
+    front.deactivate_far(0, NOTHING)
     front.move(pose(*rng.normal([3.0, 0.0, 0.3], 0.2)), np.diag([0.05, 0.05, 0.02]) ** 2)
     return front, key_pose, rng
 
@@ -54,9 +54,9 @@ def test_rest_keeps_a_landmark_as_its_key_frame_sees_it(seed, heading):
     positions = [[2.0, 1.0], [5.5, 0.5], [6.0, -1.0], [1.0, -2.0]]
     front.observe(corners(positions))
     x, P = front.ekf.x.copy(), front.ekf.P.copy()
-    front.rest(3, NOTHING)
-    assert front.local.tolist() == [0, 3]
-    assert front.table.key_frames.tolist() == [LOCAL, 3, 3, LOCAL]
+    front.deactivate_far(3, NOTHING)
+    assert front.active.tolist() == [0, 3]
+    assert front.table.key_frames.tolist() == [ACTIVE, 3, 3, ACTIVE]
     np.testing.assert_allclose(front.table.positions[[1, 2]], np.array(positions)[[1, 2]], atol=1e-9)
     # Seen once and from here: as uncertain as the corner, however uncertain the pose.
     np.testing.assert_allclose(front.table.covs[[1, 2]], np.tile(0.05**2 * np.eye(2), (2, 1, 1)), atol=1e-12)
@@ -70,11 +70,11 @@ def test_rest_keeps_a_landmark_as_its_key_frame_sees_it(seed, heading):
 def test_a_landmark_wakes_where_it_was_when_its_key_frame_did_not_move(seed, heading):
     front, key_pose, _ = resting(seed, heading)
     known = transform(key_pose, np.array([[5.5, 0.5], [6.0, -1.0]]))
-    front.wake(np.array([key_pose, front.ekf.pose]), np.array([0]), NOWHERE)
-    assert front.local.tolist() == [0, 3, 1, 2]
+    front.reactivate(np.array([key_pose, front.ekf.pose]), np.array([0]), NOWHERE)
+    assert front.active.tolist() == [0, 3, 1, 2]
     np.testing.assert_allclose(front.ekf.landmarks[2:], known, rtol=0, atol=1e-9)
     np.testing.assert_allclose(wrap_angle(front.table.signatures().orientations - 0.4 - key_pose[2]), 0.0, atol=1e-9)
-    assert (front.table.key_frames == LOCAL).all()
+    assert (front.table.key_frames == ACTIVE).all()
     assert np.linalg.eigvalsh(front.ekf.P).min() > 0.0
 
 
@@ -84,7 +84,7 @@ def test_a_landmark_wakes_where_its_key_frame_has_moved_to(seed, heading):
     front, _, rng = resting(seed, heading)
     here = front.ekf.pose
     moved = compose(here, pose(*rng.normal([-4.0, 0.0, 0.0], 0.1)))
-    front.wake(np.array([moved, here]), np.array([0]), NOWHERE)
+    front.reactivate(np.array([moved, here]), np.array([0]), NOWHERE)
     np.testing.assert_allclose(
         front.ekf.landmarks[2:], transform(moved, np.array([[5.5, 0.5], [6.0, -1.0]])), rtol=0, atol=1e-9
     )
@@ -111,7 +111,7 @@ def test_a_woken_landmark_is_as_uncertain_as_its_rest_and_the_way_to_its_key_fra
     jacobian = finite_difference(seen, np.concatenate([here, at_rest]))
     expected = jacobian @ block_diag(passage_cov, rest_cov) @ jacobian.T
     before = front.ekf.P.copy()
-    front.wake(np.array([key_pose, here]), np.array([0]), passage_cov)
+    front.reactivate(np.array([key_pose, here]), np.array([0]), passage_cov)
     np.testing.assert_array_equal(front.ekf.P[:7, :7], before)
     np.testing.assert_allclose(front.ekf.relative()[1][4:, 4:], expected, rtol=0, atol=1e-9)
 
@@ -121,7 +121,7 @@ def test_a_woken_landmark_is_as_uncertain_as_its_rest_and_the_way_to_its_key_fra
 def test_a_woken_landmark_is_found_again(seed, heading):
     """Seen where it is expected, it is matched, corrects the pose, and nothing is born beside it."""
     front, key_pose, _ = resting(seed, heading)
-    front.wake(np.array([key_pose, front.ekf.pose]), np.array([0]), NOWHERE)
+    front.reactivate(np.array([key_pose, front.ekf.pose]), np.array([0]), NOWHERE)
     x, before = front.ekf.x.copy(), front.ekf.pose_cov
     positions = predict_corners(front.ekf.x, np.array([2, 3]))
     _, landmarks = front.observe(corners(positions, orientations=wrap_angle(0.4 + key_pose[2] - x[2])))
@@ -134,27 +134,27 @@ def test_a_woken_landmark_is_found_again(seed, heading):
 def test_only_what_is_near_wakes_and_only_from_the_key_frames_named():
     front = front_end()
     front.observe(corners([[6.0, 0.0]]))
-    front.rest(0, NOTHING)
+    front.deactivate_far(0, NOTHING)
     front.observe(corners([[6.0, 3.0], [0.0, 9.0]]))
-    front.rest(1, NOTHING)
+    front.deactivate_far(1, NOTHING)
     front.move(pose(3.0, 0.0, 0.0), 1e-6 * np.eye(3))
     poses = np.array([pose(), pose(), front.ekf.pose])
-    assert front.local.size == 0
-    front.wake(poses, np.array([1]), NOWHERE)
-    assert front.local.tolist() == [1]
-    front.wake(poses, np.array([0, 1]), NOWHERE)
-    assert front.local.tolist() == [1, 0]
-    assert front.table.key_frames.tolist() == [LOCAL, LOCAL, 1]
+    assert front.active.size == 0
+    front.reactivate(poses, np.array([1]), NOWHERE)
+    assert front.active.tolist() == [1]
+    front.reactivate(poses, np.array([0, 1]), NOWHERE)
+    assert front.active.tolist() == [1, 0]
+    assert front.table.key_frames.tolist() == [ACTIVE, ACTIVE, 1]
 
 
 def test_a_landmark_rests_at_the_key_frame_that_saw_it_last_however_far_the_robot_goes_before_it_rests():
     front = front_end()
     _, seen = front.observe(corners([[2.0, 1.0]]))
-    front.rest(0, seen)
+    front.deactivate_far(0, seen)
     for key_frame in (1, 2, 3, 4):
         front.move(pose(2.0, 0.0, 0.1), 1e-4 * np.eye(3))
-        front.rest(key_frame, NOTHING)
-    assert front.local.size == 0
+        front.deactivate_far(key_frame, NOTHING)
+    assert front.active.size == 0
     assert front.table.key_frames.tolist() == [0]
     np.testing.assert_allclose(front.table.positions[0], [2.0, 1.0], atol=1e-9)
     np.testing.assert_allclose(front.table.covs[0], 0.05**2 * np.eye(2), atol=1e-9)  # nothing of the way since
@@ -196,8 +196,8 @@ def test_merging_is_an_update_with_the_difference(seed):
     cov = np.linalg.inv(np.linalg.inv(P) + H.T @ H / MERGE_SIGMA**2)
     expected = x - cov @ H.T @ (H @ x) / MERGE_SIGMA**2
     assert front.merge() == [(0, 3)]
-    assert front.local.tolist() == [0, 1, 2]
-    assert front.table.key_frames.tolist() == [LOCAL, LOCAL, LOCAL, MERGED]
+    assert front.active.tolist() == [0, 1, 2]
+    assert front.table.key_frames.tolist() == [ACTIVE, ACTIVE, ACTIVE, MERGED]
     assert front.table.observations[:3].tolist() == [2, 1, 1]
     np.testing.assert_allclose(front.ekf.x, expected[:9], rtol=0, atol=1e-8)
     np.testing.assert_allclose(front.ekf.P, cov[:9, :9], rtol=0, atol=1e-10)
@@ -211,7 +211,7 @@ def test_of_three_that_are_one_the_oldest_stays():
     front.observe(corners([[2.0, 1.0], [2.03, 1.0], [2.0, 1.03], [-2.0, 0.0]]))
     merged = front.merge()
     assert len(merged) == 2
-    assert front.local.tolist() == [0, 3]
+    assert front.active.tolist() == [0, 3]
     assert front.table.observations[0] == 3
     np.testing.assert_allclose(front.ekf.landmarks[0], [2.01, 1.01], atol=1e-3)
 
@@ -235,7 +235,7 @@ def test_landmarks_that_differ_stay_two(change, merged):
     other = {**ALIKE, **change}
     front = front_end()
     front.observe(corners(**{name: np.array([one[name], other[name]]) for name in one}))
-    assert front.local.tolist() == [0, 1]
+    assert front.active.tolist() == [0, 1]
     assert front.merge() == merged
 
 
@@ -309,40 +309,40 @@ def test_a_landmark_ends_when_it_was_missed_more_often_than_seen():
     nothing = np.empty(0, np.int64)
     for _ in range(2):
         front.observe(corners([[2.0, 1.0], [-2.0, 1.0]]))
-    front.miss(ring(9.0), sensor(), np.array([0, 1]))
+    front.count_misses(ring(9.0), sensor(), np.array([0, 1]))
     assert front.table.misses.tolist() == [0, 0]
     for count in (1, 2):
-        front.miss(ring(9.0), sensor(), np.array([1, -1]))
+        front.count_misses(ring(9.0), sensor(), np.array([1, -1]))
         assert front.table.misses.tolist() == [count, 0]
-        assert front.local.tolist() == [0, 1]
+        assert front.active.tolist() == [0, 1]
     x, P = front.ekf.x.copy(), front.ekf.P.copy()
-    front.miss(ring(9.0), sensor(), np.array([1]))
-    assert front.local.tolist() == [1]
-    assert front.table.key_frames.tolist() == [GONE, LOCAL]
+    front.count_misses(ring(9.0), sensor(), np.array([1]))
+    assert front.active.tolist() == [1]
+    assert front.table.key_frames.tolist() == [REMOVED, ACTIVE]
     kept = np.r_[0:3, 5:7]
     np.testing.assert_array_equal(front.ekf.x, x[kept])
     np.testing.assert_array_equal(front.ekf.P, P[np.ix_(kept, kept)])
     # A wall in front of it is no miss.
     for _ in range(5):
-        front.miss(ring(1.0), sensor(), nothing)
-    assert front.local.tolist() == [1]
+        front.count_misses(ring(1.0), sensor(), nothing)
+    assert front.active.tolist() == [1]
 
 
 def test_a_landmark_that_is_gone_does_not_wake_and_may_be_born_again():
     front = front_end()
     front.observe(corners([[2.0, 1.0]]))
     for _ in range(2):
-        front.miss(ring(9.0), sensor(), np.empty(0, np.int64))
-    assert front.local.size == 0
-    front.wake(np.array([pose(), pose()]), np.array([0, 1]), NOWHERE)
-    assert front.local.size == 0
+        front.count_misses(ring(9.0), sensor(), np.empty(0, np.int64))
+    assert front.active.size == 0
+    front.reactivate(np.array([pose(), pose()]), np.array([0, 1]), NOWHERE)
+    assert front.active.size == 0
     assert front.observe(corners([[2.0, 1.0]]))[1].tolist() == [1]
 
 
 def test_a_scan_of_no_beams_is_no_miss():
     front = front_end()
     front.observe(corners([[2.0, 1.0]]))
-    front.miss(LaserScan(np.empty(0), np.empty(0)), sensor(), np.empty(0, np.int64))
+    front.count_misses(LaserScan(np.empty(0), np.empty(0)), sensor(), np.empty(0, np.int64))
     assert front.table.misses.tolist() == [0]
 
 
@@ -353,7 +353,7 @@ def test_what_is_seen_again_is_counted_and_what_is_new_gets_the_next_number():
     assert first.tolist() == [0, 1]
     assert second.tolist() == [2, 1]
     assert front.table.observations.tolist() == [1, 2, 1]
-    assert front.local.tolist() == [0, 1, 2]
+    assert front.active.tolist() == [0, 1, 2]
     np.testing.assert_allclose(between(pose(), front.ekf.pose), pose(), atol=1e-9)
 
 
@@ -362,6 +362,6 @@ def test_a_corner_that_is_seen_from_afar_stays_one_landmark():
     front = front_end()
     for key_frame in range(4):
         _, seen = front.observe(corners([[1.5 * KEEP - 0.3 * key_frame, 0.0]]))
-        front.rest(key_frame, seen)
+        front.deactivate_far(key_frame, seen)
         front.move(pose(0.3, 0.0, 0.0), 1e-6 * np.eye(3))
     assert len(front.table) == 1

@@ -11,7 +11,7 @@ from features.signature import Signatures
 from slam.filter.ekf import POSE_DIM, LandmarkEkf
 from slam.graph.incremental import LandmarkGraph
 from slam.graph.multi_hypothesis import NEW_DENSITY, Sighting, most_likely
-from slam.graph.multi_hypothesis_kernel import move, succeed, weigh
+from slam.graph.multi_hypothesis_kernel import branch, move, score
 from slam.graph.reassociation import reassociate
 
 FIRST_COV = np.diag([1e-8, 1e-8, 1e-10])
@@ -47,10 +47,10 @@ def test_the_kernels_are_the_filter():
         ekf.Q = MOTION_COV
         ekf.predict(pose(0.3, 0.1, 0.2))
         move(states, covs, counts, pose(0.3, 0.1, 0.2), MOTION_COV)
-        found = weigh(states, covs, counts, np.zeros((1, 2), np.bool_), position, cov, -7.0)
+        found = score(states, covs, counts, np.zeros((1, 2), np.bool_), position, cov, -7.0)
         assert found[0, counts[0]] == -7.0
         known = landmark < counts[0]
-        states, covs, counts = succeed(states, covs, counts, np.array([0]), np.array([landmark]), position, cov)
+        states, covs, counts = branch(states, covs, counts, np.array([0]), np.array([landmark]), position, cov)
         if known:
             ekf.observe(position[None], cov[None], np.array([landmark]))
             innovation = np.linalg.slogdet(2.0 * math.pi * ekf.S)[1] + ekf.y @ np.linalg.solve(ekf.S, ekf.y)

@@ -246,8 +246,8 @@ def test_the_passage_of_a_key_frame_is_the_way_about_it_on_that_visit():
     for _ in range(81):
         closer.add_key_frame(scan, NO_CORNERS, pose(1.0), UNTOLD)
     # 16 m to either side; and never what is nearer to now than two visits are apart.
-    assert closer.passage(30).tolist() == list(range(14, 47))
-    assert closer.passage(60).tolist() == list(range(44, 65))
+    assert closer.submap(30).tolist() == list(range(14, 47))
+    assert closer.submap(60).tolist() == list(range(44, 65))
 
 
 @pytest.mark.parametrize(("sigma", "believed"), [(100.0, True), (0.1, False)])

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from features.se2 import between, compose, pose, wrap_angle
 from features.signature import Kind
-from slam.loop.constellation import gather, lay
+from slam.loop.constellation import collect_constellation, fit_constellation
 
 SEEDS = st.integers(0, 2**32 - 1)
 POSES = st.builds(pose, st.floats(-50.0, 50.0), st.floats(-50.0, 50.0), st.floats(-math.pi, math.pi))
@@ -18,7 +18,7 @@ POSES = st.builds(pose, st.floats(-50.0, 50.0), st.floats(-50.0, 50.0), st.float
 @given(SEEDS, st.lists(POSES, min_size=1, max_size=5))
 def test_a_corner_seen_from_several_poses_is_one(seed, poses):
     corners = scattered(np.random.default_rng(seed), 6)
-    gathered = gather(poses, [as_corners(corners, each) for each in poses])
+    gathered = collect_constellation(poses, [as_corners(corners, each) for each in poses])
     np.testing.assert_allclose(gathered.positions, corners.positions, atol=1e-9)
     found, expected = gathered.signatures, corners.signatures
     np.testing.assert_allclose(wrap_angle(found.orientations - expected.orientations), 0.0, atol=1e-9)
@@ -31,12 +31,12 @@ def test_corners_of_different_kinds_stay_apart_though_they_are_near(seed):
     corners = scattered(np.random.default_rng(seed), 5)
     other = as_corners(corners, pose())
     other.records["kind"] = np.where(other.convex, Kind.CONCAVE, Kind.CONVEX)
-    assert len(gather([pose(), pose()], [as_corners(corners, pose()), other])) == 10
+    assert len(collect_constellation([pose(), pose()], [as_corners(corners, pose()), other])) == 10
 
 
 def test_nothing_seen_is_no_constellation():
     corners = as_corners(scattered(np.random.default_rng(0), 0), pose())
-    assert len(gather([pose()], [corners])) == 0
+    assert len(collect_constellation([pose()], [corners])) == 0
 
 
 @given(SEEDS, POSES, st.floats(-0.25, 0.25), st.floats(-0.02, 0.02))
@@ -50,7 +50,7 @@ def test_laid_near_where_it_belongs_a_constellation_finds_its_place(seed, where,
     here = seen_again(there, where, rng)
     # Turned about the middle of the corners, so that none of them leaves its tolerance.
     start = compose(pose(off, 0.0, turn), where)
-    found, count = lay(here, there, start, 0.6)
+    found, count = fit_constellation(here, there, start, 0.6)
     assert count == 8
     middle = here.positions.mean(axis=0)
     error = compose(found, pose(*middle))[:2] - compose(where, pose(*middle))[:2]
@@ -62,10 +62,12 @@ def test_laid_near_where_it_belongs_a_constellation_finds_its_place(seed, where,
 def test_no_corner_counts_twice(seed):
     rng = np.random.default_rng(seed)
     there = scattered(rng, 4)
-    _, count = lay(gather([pose(), pose(0.35)], [as_corners(there, pose())] * 2), there, pose(), 0.5)
+    _, count = fit_constellation(
+        collect_constellation([pose(), pose(0.35)], [as_corners(there, pose())] * 2), there, pose(), 0.5
+    )
     assert count <= 4
 
 
 def test_a_constellation_of_one_corner_lies_nowhere():
     one = scattered(np.random.default_rng(1), 1)
-    assert lay(one, one, pose(), 0.5)[1] == 0
+    assert fit_constellation(one, one, pose(), 0.5)[1] == 0

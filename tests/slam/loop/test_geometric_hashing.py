@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from features.se2 import between, pose
 from features.signature import Kind, Signatures
 from slam.loop.constellation import Constellation
-from slam.loop.geometric_hashing import PlaceIndex
+from slam.loop.geometric_hashing import GeometricHash
 
 SEEDS = st.integers(0, 2**32 - 1)
 POSES = st.builds(pose, st.floats(-1e3, 1e3), st.floats(-1e3, 1e3), st.floats(-math.pi, math.pi))
@@ -25,7 +25,7 @@ def test_a_place_is_found_from_any_pose(seed, where, place):
     """Six of eight corners are seen again; errors of 0.05 m at an arm of metres are some degrees at most."""
     rng = np.random.default_rng(seed)
     places = [scattered(rng, 8) for _ in range(5)]
-    index = PlaceIndex()
+    index = GeometricHash()
     for each in places:
         index.add(each)
     here = seen_again(places[place], where, rng, rng.permutation(8)[:6])
@@ -42,7 +42,7 @@ def test_a_place_is_found_from_any_pose(seed, where, place):
 def test_neither_a_mirror_image_nor_another_place_is_taken_for_a_place(seed, where):
     rng = np.random.default_rng(seed)
     place = scattered(rng, 8)
-    index = PlaceIndex()
+    index = GeometricHash()
     index.add(place)
     for other in (mirrored(place), scattered(rng, 8)):
         # Five of eight corners by chance: never, among those that are nowhere alike but in their kinds.
@@ -53,7 +53,7 @@ def test_neither_a_mirror_image_nor_another_place_is_taken_for_a_place(seed, whe
 def test_of_two_places_that_are_copies_both_are_proposed(seed, where):
     rng = np.random.default_rng(seed)
     place = scattered(rng, 6)
-    index = PlaceIndex()
+    index = GeometricHash()
     for copy in (place, scattered(rng, 6), place):
         index.add(copy)
     assert sorted(p.place for p in index.propose(seen_again(place, where, rng), 5, anywhere)) == [0, 2]
@@ -63,7 +63,7 @@ def test_of_two_places_that_are_copies_both_are_proposed(seed, where):
 def test_a_place_where_the_robot_cannot_be_is_not_proposed(seed):
     rng = np.random.default_rng(seed)
     place = scattered(rng, 6)
-    index = PlaceIndex()
+    index = GeometricHash()
     index.add(place)
     index.add(place)
     here = seen_again(place, pose(3.0, 1.0, 2.0), rng)
@@ -90,7 +90,7 @@ def test_a_place_is_found_where_some_of_it_are_points(seed):
             np.where(point, np.nan, signatures.orientations),
         ),
     )
-    index = PlaceIndex()
+    index = GeometricHash()
     index.add(mixed)
     where = pose(3.0, -2.0, 1.0)
     best = index.propose(seen_again(mixed, where, rng), 4, anywhere)[0]
@@ -100,7 +100,7 @@ def test_a_place_is_found_where_some_of_it_are_points(seed):
 
 def test_places_without_corners_are_no_places():
     rng = np.random.default_rng(0)
-    index = PlaceIndex()
+    index = GeometricHash()
     assert index.propose(scattered(rng, 6), 3, anywhere) == []
     index.add(scattered(rng, 0))
     index.add(scattered(rng, 1))

@@ -64,9 +64,9 @@ def test_a_robot_that_is_metres_off_finds_its_way_back(seed):
     assert closer.counts.proposed_by_corners > 0
     assert closer.counts.accepted == len(closures) > 0
     assert all(true(closure, truth) for closure in closures)
-    # All witnesses of a passage enter at once.
+    # All supporting key frames of a submap enter at once.
     first = next(each for each in found if any(closure.older < LAP // 2 < closure.newer for closure in each))
-    assert len(first) >= RULES.witnesses
+    assert len(first) >= RULES.supporters
     assert len({closure.newer for closure in first}) == len(first)
 
 

@@ -12,7 +12,7 @@ from shapely import LineString
 from features.se2 import compose, transform
 from features.sensor import Mounting
 from sim.worlds.built_in.room import room
-from slam.odometry.beams import SEEN_THROUGH, beyond_walls
+from slam.odometry.beams import SEEN_THROUGH, beams_through_walls
 from slam.odometry.line_map import CENTER, LENGTH, NORMAL_X, NORMAL_Y, WALL_FIELDS, WALL_X, WALL_Y
 from slam.odometry.scan_points import ScanPoints
 
@@ -62,7 +62,7 @@ def test_beams_through_walls_are_those_that_cross_one_and_end_well_behind_it(see
         long = origin + 100.0 * (point - origin)
         met = np.array([LineString([origin, long]).intersects(LineString([end[:2], end[2:]])) for end in ends]) & faced
         expected += (met & (before < -SEEN_THROUGH)).any() and not (met & (abs(before) < 0.5 * SEEN_THROUGH)).any()
-    assert beyond_walls(scan, walls, at) == expected
+    assert beams_through_walls(scan, walls, at) == expected
 
 
 @pytest.mark.parametrize("seed", range(5))
@@ -72,6 +72,6 @@ def test_from_where_it_is_no_beam_goes_through_a_wall_but_from_beside_many_do(se
     poses = [np.array([x, 1.5, 0.0]) for x in (1.5, 2.5, 3.5)]
     walls = map_of(room(), poses, rng)
     scan = seen(room(), poses[1], rng)
-    assert beyond_walls(scan, walls, poses[1]) <= 2
+    assert beams_through_walls(scan, walls, poses[1]) <= 2
     beside = compose(poses[1], np.array([0.0, 0.5, 0.2]))
-    assert beyond_walls(scan, walls, beside) > 20
+    assert beams_through_walls(scan, walls, beside) > 20

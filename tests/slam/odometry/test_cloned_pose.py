@@ -9,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from features.se2 import between, compose, compose_jacobians, pose, wrap_angle
-from slam.odometry.cloned_pose import DriftingPose
+from slam.odometry.cloned_pose import ClonedPose
 from slam.odometry.motion_models import OdometryModel
 
 law = settings(derandomize=True, deadline=None, max_examples=60)
@@ -29,7 +29,7 @@ class Joint:
         self.x = [np.array(first)]
         self.P = np.zeros((3, 3))
 
-    def anchor(self):
+    def clone(self):
         self.x.append(self.x[0].copy())
         copy = np.eye(self.P.shape[0])[:3]
         both = np.vstack([np.eye(self.P.shape[0]), copy])
@@ -65,15 +65,15 @@ class Joint:
 def test_it_is_the_dense_filter_over_pose_and_anchors(seed):
     rng = np.random.default_rng(seed)
     first = pose(*rng.uniform(-3.0, 3.0, 3))
-    drifting, joint = DriftingPose(first), Joint(first)
+    drifting, joint = ClonedPose(first), Joint(first)
     anchors = []
     for step in range(8):
         motion, cov = rng.normal(0.0, 0.2, 3), random_cov(rng)
         drifting.move(motion, cov)
         joint.move(motion, cov)
         if step in (1, 3):
-            anchors.append(drifting.anchor())
-            joint.anchor()
+            anchors.append(drifting.clone())
+            joint.clone()
         R = random_cov(rng) + 1e-4 * np.eye(3)
         seen = drifting.pose + rng.normal(0.0, 0.02, 3)
         information = np.linalg.inv(R)
@@ -91,8 +91,8 @@ def test_it_is_the_dense_filter_over_pose_and_anchors(seed):
 
 
 def test_information_along_one_direction_leaves_the_others():
-    drifting = DriftingPose(pose())
-    anchor = drifting.anchor()
+    drifting = ClonedPose(pose())
+    anchor = drifting.clone()
     drifting.move(pose(1.0, 0.0, 0.0), np.diag([0.1, 0.2, 0.05]) ** 2)
     information = np.zeros((3, 3))
     information[1, 1] = 1e6
@@ -102,16 +102,16 @@ def test_information_along_one_direction_leaves_the_others():
 
 
 def test_a_doubt_is_as_wide_as_the_slip_and_no_wider():
-    drifting = DriftingPose(pose())
+    drifting = ClonedPose(pose())
     drifting.move(pose(1.0, 0.0, 0.0), 1e-4 * np.eye(3))
     before = drifting.cov
-    drifting.doubt(np.array([0.0, 0.3, 0.0]))
+    drifting.inflate(np.array([0.0, 0.3, 0.0]))
     np.testing.assert_allclose(drifting.cov - before, np.diag([0.0, 0.09, 0.0]), atol=1e-15)
 
 
 def driven(steps, model=MODEL, start=pose(4.0, -3.0, 1.0)):  # noqa: B008, not written to
-    drifting = DriftingPose(start)
-    anchor = drifting.anchor()
+    drifting = ClonedPose(start)
+    anchor = drifting.clone()
     for step in steps:
         drifting.move(step, model.covariance(step))
     return anchor
@@ -178,8 +178,8 @@ def test_motion_is_that_between_the_ends_in_any_frame(steps, start):
 
 
 def test_reset_starts_again_from_no_motion():
-    drifting = DriftingPose(pose(1.0, 2.0, 3.0))
-    anchor = drifting.anchor()
+    drifting = ClonedPose(pose(1.0, 2.0, 3.0))
+    anchor = drifting.clone()
     drifting.move(pose(1.0, 2.0, 3.0), MODEL.covariance(pose(1.0, 2.0, 3.0)))
     anchor.reset()
     np.testing.assert_allclose(anchor.motion, np.zeros(3), atol=1e-15)

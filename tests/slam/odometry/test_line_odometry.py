@@ -39,7 +39,7 @@ def follow(frames, truths, config, step=0.3):
     for frame, truth in zip(frames, truths, strict=True):
         if odometry is None:
             odometry = line_odometry(config, frame.pose_odom_robot)
-            anchor, truth_then = odometry.anchor(), None
+            anchor, truth_then = odometry.clone(), None
         odometry.predict(frame.stamp, frame.pose_odom_robot)
         if frame.scan is None:
             continue
@@ -143,7 +143,7 @@ def test_scans_of_nothing_leave_the_prediction():
 def followed_by_wheels(frames, config):
     """Covariances of the increments between key frames by wheels alone."""
     odometry = line_odometry(config, frames[0].pose_odom_robot)
-    anchor = odometry.anchor()
+    anchor = odometry.clone()
     covs = []
     for index, frame in enumerate(frames):
         odometry.predict(frame.stamp, frame.pose_odom_robot)
@@ -161,7 +161,7 @@ def test_standing_still_makes_nothing_surer():
     last = max(index for index, (frame, _) in enumerate(frames) if frame.scan is not None)
     _, _, odometry = follow([f for f, _ in frames[: last + 1]], [t for _, t in frames[: last + 1]], config)
     frame, truth = frames[last]
-    since = odometry.anchor()
+    since = odometry.clone()
     sensor = config.sensor.model()
     rng = np.random.default_rng(0)
     before = odometry.pose.copy()
@@ -237,11 +237,11 @@ def test_what_looks_more_alike_elsewhere_is_believed_where_fewer_beams_go_throug
         moved = np.linalg.solve(np.eye(3) + prior_cov @ information, prior_cov @ pull)
         return Registration(prior + moved, information, pull, share)
 
-    def beyond_walls(scan, walls, pose_map_robot):
+    def beams_through_walls(scan, walls, pose_map_robot):
         return through_here if math.hypot(*(pose_map_robot - predicted)[:2]) < 0.4 else through_there
 
     monkeypatch.setattr("slam.odometry.line_odometry.register", register)
-    monkeypatch.setattr("slam.odometry.line_odometry.beyond_walls", beyond_walls)
+    monkeypatch.setattr("slam.odometry.line_odometry.beams_through_walls", beams_through_walls)
     sensor = config_of(run).sensor.model()
     odometry.register(frames[-1].stamp + 0.1, scan, extract(scan, sensor, config_of(run).extraction).lines)
     moved = float(np.hypot(*(odometry.pose - predicted)[:2]))
@@ -260,7 +260,7 @@ def test_a_real_log_backwards_in_time_shows_no_jump():
     frames = list(log)
     end = frames[-1].stamp
     odometry = line_odometry(config, frames[-1].pose_odom_robot)
-    since = odometry.anchor()
+    since = odometry.clone()
     stamps, poses = [], []
     for frame in reversed(frames):
         if end - frame.stamp > 200.0:
@@ -268,7 +268,9 @@ def test_a_real_log_backwards_in_time_shows_no_jump():
         odometry.predict(end - frame.stamp, frame.pose_odom_robot)
         if frame.scan is not None:
             odometry.register(end - frame.stamp, frame.scan, extract(frame.scan, sensor, config.extraction).lines)
-            if since.beyond(config.back_end.key_frame_distance_m, math.radians(config.back_end.key_frame_angle_deg)):
+            if since.moved_beyond(
+                config.back_end.key_frame_distance_m, math.radians(config.back_end.key_frame_angle_deg)
+            ):
                 odometry.add_key_frame()
                 since.reset()
         stamps.append(end - frame.stamp)
@@ -301,7 +303,7 @@ def scanned_after(motion, monkeypatch, register_):
     Returns the odometry, an anchor of before the motion, and the prediction: its pose and the anchor's covariance.
     """
     odometry, last, scan, config = copy.deepcopy(_under_way())
-    anchor = odometry.anchor()
+    anchor = odometry.clone()
     odometry.predict(last.stamp + 0.1, compose(last.pose_odom_robot, motion))
     predicted = odometry.pose, anchor.motion_cov
     monkeypatch.setattr("slam.odometry.line_odometry.register", register_)
@@ -365,10 +367,10 @@ def test_another_pose_is_preferred_only_where_clearly_more_points_lie_on_walls(m
     """Elsewhere fewer beams go through walls, and the share is larger by as much: a few points more are chance."""
     looks = [(0.01, here), *[(0.8, here + more)] * 20]
 
-    def beyond_walls(scan, walls, pose_map_robot):
+    def beams_through_walls(scan, walls, pose_map_robot):
         return 20 if math.hypot(*(pose_map_robot - _under_way()[0].pose)[:2]) < 0.5 else 5
 
-    monkeypatch.setattr("slam.odometry.line_odometry.beyond_walls", beyond_walls)
+    monkeypatch.setattr("slam.odometry.line_odometry.beams_through_walls", beams_through_walls)
     odometry, _, (predicted, _) = scanned_after(pose(0.2), monkeypatch, feigned(looks))
     moved = float(np.hypot(*(odometry.pose - predicted)[:2]))
     assert moved == pytest.approx(0.8 if believed else 0.01, abs=0.02)

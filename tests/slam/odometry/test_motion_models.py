@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from features.se2 import between, pose
-from slam.odometry.cloned_pose import DriftingPose
+from slam.odometry.cloned_pose import ClonedPose
 from slam.odometry.motion_models import ConstantVelocity, OdometryModel, WheelMotion
 
 MODEL = OdometryModel(position_per_travel=0.05, position_per_turn=0.03, heading_per_travel=0.02, heading_per_turn=0.05)
@@ -32,8 +32,8 @@ def test_wheels_tell_the_motion_between_records():
 
 def since_scan(motion):
     """An anchor that a motion, known to a millimetre and a milliradian, lies behind."""
-    drifting = DriftingPose(pose())
-    anchor = drifting.anchor()
+    drifting = ClonedPose(pose())
+    anchor = drifting.clone()
     drifting.move(motion, 1e-6 * np.eye(3))
     return anchor
 
@@ -133,8 +133,8 @@ def test_a_motion_that_nothing_foresaw_leaves_the_velocity_of_a_robot():
     source = constant_velocity()
     drive(source, [(0.1 * k, pose(0.05, 0.0, 0.0)) for k in range(5)])
     source.step(0.401, pose())
-    drifting = DriftingPose(pose())
-    anchor = drifting.anchor()
+    drifting = ClonedPose(pose())
+    anchor = drifting.clone()
     drifting.move(pose(0.5, 0.0, 0.0), np.diag([0.25, 0.25, 0.1]))
     source.learn(0.401, anchor)
     motion, cov = source.step(0.501, pose())

@@ -8,7 +8,7 @@ import pytest
 from features.se2 import compose, pose
 from sim.run import POOR_ODOMETRY, room_run
 from slam.config import SlamConfig
-from slam.odometry.cloned_pose import DriftingPose
+from slam.odometry.cloned_pose import ClonedPose
 from slam.odometry.motion_models import OdometryModel
 from slam.odometry.wheel_calibration import UNCALIBRATED, Calibration, WheelCalibration
 from slam.pipeline import Slam
@@ -30,8 +30,8 @@ def reported(motion, wrong=WRONG):
 
 def drive(wheels, rng, steps=2000, information=TELLING, wrong=WRONG):
     """Drive a robot about whose scans tell ``information`` of each pose; both err as they say."""
-    drifting = DriftingPose(pose())
-    since = drifting.anchor()
+    drifting = ClonedPose(pose())
+    since = drifting.clone()
     truth = pose()
     for _ in range(steps):
         step = np.array([0.1, 0.0, rng.uniform(-0.3, 0.3)])
@@ -92,8 +92,8 @@ def test_headings_alone_tell_the_turn_and_not_the_travel():
 
 def test_wheels_that_slip_or_stand_still_teach_nothing():
     wheels = WheelCalibration()
-    drifting = DriftingPose(pose())
-    since = drifting.anchor()
+    drifting = ClonedPose(pose())
+    since = drifting.clone()
     for said in (pose(), pose(0.2, 0.0, 0.0)):
         for _ in range(12):
             cov = MODEL.covariance(said)
@@ -105,8 +105,8 @@ def test_wheels_that_slip_or_stand_still_teach_nothing():
 
 
 def test_a_short_motion_is_not_compared():
-    wheels, drifting = WheelCalibration(), DriftingPose(pose())
-    since = drifting.anchor()
+    wheels, drifting = WheelCalibration(), ClonedPose(pose())
+    since = drifting.clone()
     drifting.move(pose(0.9, 0.0, 0.9), MODEL.covariance(pose(0.9, 0.0, 0.9)))
     assert not wheels.learn(since)
     drifting.move(pose(0.2, 0.0, 0.0), MODEL.covariance(pose(0.2, 0.0, 0.0)))
@@ -133,8 +133,8 @@ def test_a_run_through_the_room_finds_the_wheels_of_the_simulator():
 
 def test_a_turn_is_compared_across_the_cut_of_angles():
     """Wheels that tell half a turn and five degrees more: by the scans it is five degrees less, no whole turn away."""
-    wheels, drifting = WheelCalibration(), DriftingPose(pose())
-    since = drifting.anchor()
+    wheels, drifting = WheelCalibration(), ClonedPose(pose())
+    since = drifting.clone()
     cov = np.diag([1e-4, 1e-4, math.radians(10.0) ** 2])
     wheels.correct(pose(0.0, 0.0, math.radians(185.0)), cov)
     drifting.move(pose(0.0, 0.0, math.radians(175.0)), np.diag([1e-6, 1e-6, 1e-8]))

@@ -23,7 +23,7 @@ def test_ring_lies_two_sigmas_about_the_origin(sigma_a, sigma_b, angle):
 def test_file_of_the_view_grows_with_the_run(tmp_path):
     file = tmp_path / "way" / "view.rrd"
     source = room_run(1)
-    slam = Slam(load_config(None, source_preset=source.sensor))
+    slam = Slam(load_config(None, source=source.info))
     view = LiveView("room", slam, file)
     for _, frame in zip(range(60), source, strict=False):
         view.show(frame, slam.process(frame))

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from slam.result.trajectory import Trajectory, told_apart
+from slam.result.trajectory import Trajectory, separate_equal_stamps
 
 
 def random_trajectory(seed, count=50):
@@ -88,17 +88,17 @@ def test_poses_of_one_stamp_follow_one_another_within_the_tick():
     poses = np.column_stack([np.arange(6.0), np.zeros(6), np.zeros(6)])
     trajectory = Trajectory(np.array([0.0, 1.0, 1.0, 1.0, 1.0, 2.0]), poses)
     assert trajectory.nearest([0.3, 0.55, 0.8, 1.0, 1.2, 1.45, 1.8], 0.5).tolist() == [0, 1, 2, 2, 3, 4, 5]
-    np.testing.assert_allclose(told_apart(trajectory.stamps, poses), [0.0, 0.625, 0.875, 1.125, 1.375, 2.0])
+    np.testing.assert_allclose(separate_equal_stamps(trajectory.stamps, poses), [0.0, 0.625, 0.875, 1.125, 1.375, 2.0])
 
 
 def test_stamps_that_tell_all_there_is_to_tell_are_kept():
     stamps = np.array([0.0, 1.0, 1.0, 1.0, 2.0])
     for poses in (np.zeros((5, 3)), np.repeat([[0.0], [1.0], [2.0]], [1, 3, 1], axis=0) * np.ones(3)):
-        np.testing.assert_array_equal(told_apart(stamps, poses), stamps)
+        np.testing.assert_array_equal(separate_equal_stamps(stamps, poses), stamps)
     moving = np.arange(5.0)[:, None] * np.ones(3)
-    np.testing.assert_array_equal(told_apart(np.arange(5.0), moving), np.arange(5.0))
-    np.testing.assert_array_equal(told_apart(np.ones(5), moving), np.ones(5))
-    assert told_apart(np.empty(0), np.empty((0, 3))).size == 0
+    np.testing.assert_array_equal(separate_equal_stamps(np.arange(5.0), moving), np.arange(5.0))
+    np.testing.assert_array_equal(separate_equal_stamps(np.ones(5), moving), np.ones(5))
+    assert separate_equal_stamps(np.empty(0), np.empty((0, 3))).size == 0
 
 
 @given(
@@ -116,7 +116,7 @@ def test_a_record_is_found_again_by_its_true_stamp_though_the_log_rounds_it(most
     true = np.concatenate([at + np.arange(n) / most for at, n in zip(begins, counts, strict=True)])
     rounded = np.floor(true + 0.5)
     trajectory = Trajectory(rounded, np.arange(len(true))[:, None] * np.ones(3))
-    own = told_apart(rounded, trajectory.poses)
+    own = separate_equal_stamps(rounded, trajectory.poses)
     assert (np.diff(own) >= 0.0).all()
     assert (np.abs(own - rounded) <= 0.5).all()
     errors = trajectory.nearest(true, 0.6) - np.arange(len(true))

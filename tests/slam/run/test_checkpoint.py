@@ -26,7 +26,7 @@ from slam.config_file import load_config
 from slam.errors import RunFolderError
 from slam.pipeline import Slam
 from slam.result.trajectory_file import write_tum
-from slam.run.checkpoint import CHECKPOINT, Stand, read_checkpoint, write_checkpoint
+from slam.run.checkpoint import CHECKPOINT, LogPosition, read_checkpoint, write_checkpoint
 from slam.run.frame_digest import extend_digest
 
 RECORDS = 1600
@@ -35,7 +35,7 @@ RECORDS = 1600
 @cache
 def room():
     source = room_run(4)
-    config = load_config(None, source_preset=source.sensor, source_mounting=source.mounting)
+    config = load_config(None, source=source.info)
     return list(itertools.islice(source, RECORDS)), config
 
 
@@ -62,11 +62,11 @@ def test_a_run_goes_on_to_the_same_bytes_wherever_it_stopped(source: str, tmp_pa
     slam = Slam(config)
     for record, frame in enumerate(frames):
         if record in (1, 57, 800, 803, 1400):
-            write_checkpoint(tmp_path, slam, Stand("room", record))
+            write_checkpoint(tmp_path, slam, LogPosition("room", record))
             if record == 800:
                 slam.finish()
-            slam, stand = read_checkpoint(tmp_path)
-            assert stand == Stand("room", record)
+            slam, position = read_checkpoint(tmp_path)
+            assert position == LogPosition("room", record)
             assert slam.config.model_dump() == config.model_dump()
         slam.process(frame)
     assert written(slam, tmp_path / "stopped") == uninterrupted(frames, config, tmp_path / "whole")
@@ -80,7 +80,7 @@ def test_a_real_log_goes_on_to_the_same_bytes(tmp_path: Path) -> None:
     slam = Slam(config)
     for record, frame in enumerate(frames):
         if record in (500, 1500):
-            write_checkpoint(tmp_path, slam, Stand("intel", record))
+            write_checkpoint(tmp_path, slam, LogPosition("intel", record))
             slam, _ = read_checkpoint(tmp_path)
         slam.process(frame)
     assert written(slam, tmp_path / "stopped") == uninterrupted(frames, config, tmp_path / "whole")
@@ -128,7 +128,7 @@ def test_what_is_not_ours_is_not_read(tmp_path: Path) -> None:
         def __reduce__(self) -> tuple[Callable[..., object], tuple[object, ...]]:
             return os.mkdir, (str(tmp_path / "made"),)
 
-    write_checkpoint(tmp_path, Foreign(), Stand("room"))  # type: ignore[arg-type]
+    write_checkpoint(tmp_path, Foreign(), LogPosition("room"))  # type: ignore[arg-type]
     with pytest.raises(RunFolderError, match="does not belong in a checkpoint"):
         read_checkpoint(tmp_path)
     assert not (tmp_path / "made").exists()

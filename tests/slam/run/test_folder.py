@@ -9,8 +9,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from drivers.frame import SourceInfo
 from features.se2 import wrap_angle
-from features.sensor import Mounting
 from sim.run import room_run
 from slam.config_file import load_config
 from slam.errors import RunFolderError
@@ -22,7 +22,7 @@ from slam.run.folder import TRAJECTORIES, claimed, default_folder, read_landmark
 @pytest.fixture(scope="module")
 def result():
     source = room_run(2)
-    slam = Slam(load_config(None, source_preset=source.sensor, source_mounting=source.mounting))
+    slam = Slam(load_config(None, source=source.info))
     for frame in itertools.islice(source, 300):
         slam.process(frame)
     return slam.finish()
@@ -60,7 +60,7 @@ def test_what_is_read_back_is_what_the_run_yielded(result, saved):
 
 
 def test_configuration_and_figures_are_those_of_the_run(result, saved):
-    assert load_config(saved / "config.toml", source_preset="sick-lms", source_mounting=Mounting()) == result.config
+    assert load_config(saved / "config.toml", source=SourceInfo("hall", "sick-lms")) == result.config
     metrics = json.loads((saved / "metrics.json").read_text(encoding="utf-8"))
     assert metrics == json.loads(json.dumps(result.metrics.to_dict()))
     assert metrics["landmarks"] == len(result.landmarks)

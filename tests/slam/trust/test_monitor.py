@@ -1,4 +1,4 @@
-"""Each kind of doubt is raised exactly when it should be, once and at its first time; a clean run raises none."""
+"""Each kind of reason is raised exactly when it should be, once and at its first time; a clean run raises none."""
 
 import logging
 import math
@@ -8,7 +8,7 @@ import pytest
 
 from features.se2 import compose, inverse, pose, rotation, transform
 from slam.filter.association import Association
-from slam.trust.monitor import BLIND_TRAVEL, JUDGED, MOST_REJECTED, SMALL_MOTION, SMALL_TURN, Watch
+from slam.trust.monitor import BLIND_TRAVEL, JUDGED, MOST_REJECTED, SMALL_MOTION, SMALL_TURN, TrustMonitor
 from slam.trust.nis import WINDOW
 
 PROBABILITY = 0.99
@@ -21,52 +21,52 @@ PILLARS = np.array([[2.0 * i, 2.0 * j] for i in range(-4, 5) for j in range(-4, 
 
 
 def watching(*, wheels=True):
-    return Watch(PROBABILITY, wheels=wheels)
+    return TrustMonitor(PROBABILITY, wheels=wheels)
 
 
-def raised(watch):
-    trust = watch.trust
+def raised(monitor):
+    trust = monitor.trust
     assert trust.ok == (not trust.reasons)
-    return [(doubt.what, doubt.stamp) for doubt in trust.reasons]
+    return [(reason.what, reason.stamp) for reason in trust.reasons]
 
 
 def matched(nis, pairs=PAIRS):
     return Association(np.arange(pairs), np.arange(pairs), np.empty(0, np.int64), nis)
 
 
-def test_a_clean_run_raises_no_doubt(caplog):
+def test_a_clean_run_raises_no_add_reason(caplog):
     """Innovations as large as promised, walls in every scan, wheels that agree, and some scans that fit badly."""
     rng = np.random.default_rng(0)
-    watch, here = watching(), pose()
+    monitor, here = watching(), pose()
     for k in range(4 * WINDOW):
         motion = pose(0.2, 0.0, 0.1)
         here = compose(here, motion)
-        watch.updated(float(k), matched(float(rng.chisquare(2 * PAIRS))))
-        watch.drove(float(k), motion, seen=k % 10 != 0)
+        monitor.updated(float(k), matched(float(rng.chisquare(2 * PAIRS))))
+        monitor.drove(float(k), motion, seen=k % 10 != 0)
         points = transform(inverse(here), PILLARS)
-        watch.registered(float(k), points, here, here, SURE if k % 5 else NOWHERE, rejected=k % 10 == 0)
-    assert raised(watch) == []
-    assert watch.nis is not None
+        monitor.registered(float(k), points, here, here, SURE if k % 5 else NOWHERE, rejected=k % 10 == 0)
+    assert raised(monitor) == []
+    assert monitor.nis is not None
     assert not caplog.records
 
 
 def test_innovations_are_doubted_where_they_stay_above_what_the_filter_promises():
     """All windows of one length are above: the first and the last share no update. From then on it is told once."""
-    watch = watching()
+    monitor = watching()
     for k in range(2 * WINDOW - 1):
-        watch.updated(float(k), matched(10.0 * 2 * PAIRS))
-        watch.updated(float(k), matched(0.0, 0))
-    assert raised(watch) == []
+        monitor.updated(float(k), matched(10.0 * 2 * PAIRS))
+        monitor.updated(float(k), matched(0.0, 0))
+    assert raised(monitor) == []
     for k in range(2 * WINDOW - 1, 3 * WINDOW):
-        watch.updated(float(k), matched(10.0 * 2 * PAIRS))
-    assert raised(watch) == [("innovations", 2.0 * WINDOW - 1.0)]
+        monitor.updated(float(k), matched(10.0 * 2 * PAIRS))
+    assert raised(monitor) == [("innovations", 2.0 * WINDOW - 1.0)]
 
 
 def test_innovations_smaller_than_promised_are_not_doubted():
-    watch = watching()
+    monitor = watching()
     for k in range(4 * WINDOW):
-        watch.updated(float(k), matched(0.1 * PAIRS))
-    assert raised(watch) == []
+        monitor.updated(float(k), matched(0.1 * PAIRS))
+    assert raised(monitor) == []
 
 
 @pytest.mark.parametrize(
@@ -78,23 +78,23 @@ def test_motion_on_odometry_alone_is_doubted_beyond_its_limit(motion, allowed):
     """Metres and angles add up however the robot goes; what is seen on the way ends the count."""
     step = float(np.hypot(*motion[:2]) + abs(motion[2]))
     within = math.floor(allowed / step)
-    watch = watching()
+    monitor = watching()
     for k in range(3 * within):
-        watch.drove(float(k), motion, seen=k % within == within - 1)
-    assert raised(watch) == []
+        monitor.drove(float(k), motion, seen=k % within == within - 1)
+    assert raised(monitor) == []
     for k in range(100, 100 + 2 * within):
-        watch.drove(float(k), motion, seen=False)
-    assert raised(watch) == [("blind", 100.0 + within)]
+        monitor.drove(float(k), motion, seen=False)
+    assert raised(monitor) == [("blind", 100.0 + within)]
 
 
 def test_a_scan_that_shows_nothing_of_the_one_before_is_doubted_at_once():
-    watch = watching()
-    watch.registered(1.0, PILLARS, pose(), pose(), SURE, rejected=False)
-    watch.registered(2.0, PILLARS + 0.9, pose(0.1), pose(0.1), NOWHERE, rejected=False)
-    watch.registered(3.0, PILLARS, pose(0.2), pose(0.2), NOWHERE, rejected=False)
-    assert raised(watch) == [("carried away", 2.0)]
-    (doubt,) = watch.trust.reasons
-    assert "carried away" in doubt.sentence
+    monitor = watching()
+    monitor.registered(1.0, PILLARS, pose(), pose(), SURE, rejected=False)
+    monitor.registered(2.0, PILLARS + 0.9, pose(0.1), pose(0.1), NOWHERE, rejected=False)
+    monitor.registered(3.0, PILLARS, pose(0.2), pose(0.2), NOWHERE, rejected=False)
+    assert raised(monitor) == [("carried away", 2.0)]
+    (reason,) = monitor.trust.reasons
+    assert "carried away" in reason.sentence
 
 
 @pytest.mark.parametrize(
@@ -108,10 +108,10 @@ def test_a_scan_that_shows_nothing_of_the_one_before_is_doubted_at_once():
     ids=["it fits known walls", "moved far", "turned far", "few points"],
 )
 def test_a_scan_that_tells_no_more_than_that_is_not_doubted(points, motion, share):
-    watch = watching()
-    watch.registered(1.0, PILLARS, pose(), pose(), SURE, rejected=False)
-    watch.registered(2.0, points, motion, motion, share, rejected=False)
-    assert raised(watch) == []
+    monitor = watching()
+    monitor.registered(1.0, PILLARS, pose(), pose(), SURE, rejected=False)
+    monitor.registered(2.0, points, motion, motion, share, rejected=False)
+    assert raised(monitor) == []
 
 
 @pytest.mark.parametrize(("new", "doubted"), [(0.4, False), (0.6, True)])
@@ -119,33 +119,33 @@ def test_a_scan_of_which_more_than_half_is_new_is_doubted(new, doubted):
     """People may hide a part of what was seen before, not most of it."""
     count = round(new * len(PILLARS))
     points = np.concatenate([PILLARS[:count] + 0.9, PILLARS[count:]])
-    watch = watching()
-    watch.registered(1.0, PILLARS, pose(), pose(), SURE, rejected=False)
-    watch.registered(2.0, points, pose(), pose(), NOWHERE, rejected=False)
-    assert [what for what, _ in raised(watch)] == ["carried away"] * doubted
+    monitor = watching()
+    monitor.registered(1.0, PILLARS, pose(), pose(), SURE, rejected=False)
+    monitor.registered(2.0, points, pose(), pose(), NOWHERE, rejected=False)
+    assert [what for what, _ in raised(monitor)] == ["carried away"] * doubted
 
 
 @pytest.mark.parametrize("share", [NOWHERE, 0.1])
 def test_a_scan_is_laid_on_the_one_before_by_the_motion_between_them(share):
     """From 0.45 m further on and 18 deg turned, each way: all else would put these points beside those of before."""
     for motion in (pose(0.45, 0.0, math.radians(18.0)), pose(-0.3, 0.3, math.radians(-18.0))):
-        watch, home = watching(), pose(3.0, -2.0, 2.5)
-        watch.registered(1.0, transform(inverse(home), PILLARS), home, home, SURE, rejected=False)
+        monitor, home = watching(), pose(3.0, -2.0, 2.5)
+        monitor.registered(1.0, transform(inverse(home), PILLARS), home, home, SURE, rejected=False)
         here = compose(home, motion)
-        watch.registered(2.0, transform(inverse(here), PILLARS), here, home, share, rejected=False)
-        assert raised(watch) == []
+        monitor.registered(2.0, transform(inverse(here), PILLARS), here, home, share, rejected=False)
+        assert raised(monitor) == []
         # The same points without the motion are those of somewhere else.
-        watch.registered(3.0, transform(inverse(home), PILLARS), here, home, share, rejected=False)
-        assert raised(watch) == [("carried away", 3.0)]
+        monitor.registered(3.0, transform(inverse(home), PILLARS), here, home, share, rejected=False)
+        assert raised(monitor) == [("carried away", 3.0)]
 
 
-def driven(watch, rejected, motion=pose(0.1), by_wheels=pose(0.1)):  # noqa: B008, not written to
+def driven(monitor, rejected, motion=pose(0.1), by_wheels=pose(0.1)):  # noqa: B008, not written to
     """Register scans, each after a motion; stamps are their numbers, that of the first, which ends none, is -1."""
     here, odom = pose(), pose()
-    watch.registered(-1.0, PILLARS, here, odom, SURE, rejected=False)
+    monitor.registered(-1.0, PILLARS, here, odom, SURE, rejected=False)
     for k, each in enumerate(rejected):
         here, odom = compose(here, motion), compose(odom, by_wheels)
-        watch.registered(float(k), PILLARS, here, odom, SURE, rejected=bool(each))
+        monitor.registered(float(k), PILLARS, here, odom, SURE, rejected=bool(each))
 
 
 MANY = math.floor(MOST_REJECTED * JUDGED) + 1
@@ -153,14 +153,14 @@ MANY = math.floor(MOST_REJECTED * JUDGED) + 1
 
 
 def test_wheels_are_doubted_where_too_many_of_the_latest_scans_contradict_them():
-    watch = watching()
-    driven(watch, [True] * (MANY - 1) + [False] * JUDGED + [True] * (MANY - 1) + [False] * JUDGED)
-    assert raised(watch) == []
-    watch = watching()
-    driven(watch, [True] * MANY + [False] * JUDGED)
-    assert raised(watch) == [("odometry", JUDGED - 1.0)]
-    (doubt,) = watch.trust.reasons
-    assert "beside its heading" not in doubt.sentence
+    monitor = watching()
+    driven(monitor, [True] * (MANY - 1) + [False] * JUDGED + [True] * (MANY - 1) + [False] * JUDGED)
+    assert raised(monitor) == []
+    monitor = watching()
+    driven(monitor, [True] * MANY + [False] * JUDGED)
+    assert raised(monitor) == [("odometry", JUDGED - 1.0)]
+    (reason,) = monitor.trust.reasons
+    assert "beside its heading" not in reason.sentence
 
 
 def test_wheels_are_judged_in_motion_only_and_only_where_they_predict():
@@ -171,30 +171,31 @@ def test_wheels_are_judged_in_motion_only_and_only_where_they_predict():
     driven(without, [True] * 3 * JUDGED)
     assert raised(without) == []
     for motion, by_wheels in [(pose(0.1), pose()), (pose(), pose(0.0, 0.1)), (pose(0.0, 0.0, -0.1), pose())]:
-        watch = watching()
-        driven(watch, [True] * JUDGED, motion, by_wheels)
-        assert [what for what, _ in raised(watch)] == ["odometry"]
+        monitor = watching()
+        driven(monitor, [True] * JUDGED, motion, by_wheels)
+        assert [what for what, _ in raised(monitor)] == ["odometry"]
 
 
 @pytest.mark.parametrize("reported", [0.0, 90.0, -160.0])
 @pytest.mark.parametrize("angle", [90.0, -60.0])
 def test_the_doubt_of_the_wheels_names_the_angle_by_which_they_are_turned(angle, reported):
     """Whatever direction the wheels report, the robot moves to the left of it by the angle."""
-    watch, ahead = watching(), np.array([0.1, 0.0])
+    monitor, ahead = watching(), np.array([0.1, 0.0])
     motion, by_wheels = (pose(*(rotation(math.radians(each)) @ ahead)) for each in (reported + angle, reported))
-    driven(watch, [True] * JUDGED, motion, by_wheels)
-    (doubt,) = watch.trust.reasons
-    assert f"moves {angle:.0f} deg beside its heading" in doubt.sentence
+    driven(monitor, [True] * JUDGED, motion, by_wheels)
+    (reason,) = monitor.trust.reasons
+    assert f"moves {angle:.0f} deg beside its heading" in reason.sentence
 
 
 def test_doubts_are_kept_in_the_order_in_which_they_came_and_each_is_logged_once(caplog):
-    watch = watching()
+    monitor = watching()
     with caplog.at_level(logging.WARNING):
         for k in range(10):
-            watch.drove(float(k), pose(BLIND_TRAVEL - 0.5), seen=False)
-        driven(watch, [True] * 2 * JUDGED)
-    assert [what for what, _ in raised(watch)] == ["blind", "odometry"]
+            monitor.drove(float(k), pose(BLIND_TRAVEL - 0.5), seen=False)
+        driven(monitor, [True] * 2 * JUDGED)
+    assert [what for what, _ in raised(monitor)] == ["blind", "odometry"]
     assert [record.levelno for record in caplog.records] == [logging.WARNING] * 2
     assert all(
-        doubt.sentence in record.getMessage() for doubt, record in zip(watch.trust.reasons, caplog.records, strict=True)
+        reason.sentence in record.getMessage()
+        for reason, record in zip(monitor.trust.reasons, caplog.records, strict=True)
     )

@@ -78,4 +78,4 @@ def test_ports_without_a_scanner_say_why(devices):
     code, out, err = devices("--port", "/nowhere", "--port", "/no/where")
     assert code == 1
     assert [line.split(":")[0] for line in out.splitlines()] == ["/nowhere", "/no/where"]
-    assert err == "cwlf-slam: no RPLIDAR is found: each line above says why\n"
+    assert err == "cwlf-slam: no scanner was found: each line above says why\n"

@@ -9,11 +9,10 @@ import numpy as np
 import pytest
 from emulated import emulated_chunks, emulated_device
 
-from drivers.frame import Frame
+from drivers.frame import Frame, SourceInfo
 from drivers.recording.recorder import Recorder
 from drivers.recording.recording import Recording
 from drivers.rplidar import RawRecorder, RevolutionDecoder
-from features.sensor import Mounting
 from sim.emulator.terminal import Terminal
 
 
@@ -33,7 +32,7 @@ def port(tmp_path: Path) -> Iterator[Path]:
 def recording(tmp_path_factory: pytest.TempPathFactory) -> Path:
     path = tmp_path_factory.mktemp("recording") / "hall.jsonl.gz"
     stream, chunks = emulated_chunks(seconds=4.0)
-    with Recorder(path, name="S1M1", sensor="rplidar-s1", mounting=Mounting(), odometry=False) as recorder:
+    with Recorder(path, SourceInfo("S1M1", "rplidar-s1", has_odometry=False)) as recorder:
         tap, decoder = RawRecorder(recorder), RevolutionDecoder(stream)
         tap.begin(stream, 0.0)
         for time, data in chunks:

@@ -1,4 +1,4 @@
-"""Excerpts: which frames are left, which of them have a scan, and that all else is as it was."""
+"""Subsampling: which frames are left, which of them have a scan, and that all else is unchanged."""
 
 from dataclasses import replace
 
@@ -8,16 +8,16 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from drivers.errors import LogFormatError
-from drivers.excerpt import Excerpt
-from drivers.frame import Frame, LandmarkObservations
+from drivers.frame import Frame, FrameSource, LandmarkObservations, SourceInfo
+from drivers.subsampling import Subsampled
 from features.scan import LaserScan
 from features.sensor import Mounting
 
 
-class Source:
+class Source(FrameSource):
     """Frames at whole seconds, a scan in some of them."""
 
-    name, sensor, mounting, progress = "source", "rplidar-s1", Mounting(x=0.1), 0.5
+    info, progress = SourceInfo("source", "rplidar-s1", Mounting(x=0.1)), 0.5
 
     def __init__(self, has_scan):
         self.frames = [
@@ -34,13 +34,13 @@ def test_records_keep_their_odometry_and_one_scan_of_so_many_is_left(has_scan, e
     source = Source(has_scan)
     wanted = source.frames[skip:]
     scans = [frame for frame in wanted if frame.scan is not None]
-    excerpt = Excerpt(source, every, float(skip))
+    subsampled = Subsampled(source, every, float(skip))
     if not scans:
         with pytest.raises(LogFormatError, match="skip less"):
-            list(excerpt)
+            list(subsampled)
         return
     for _ in range(2):
-        frames = list(excerpt)
+        frames = list(subsampled)
         assert [frame.stamp for frame in frames] == [frame.stamp for frame in wanted]
         assert all(got.pose_odom_robot is frame.pose_odom_robot for got, frame in zip(frames, wanted, strict=True))
         assert [f.scan for f in frames if f.scan is not None] == [f.scan for f in scans[::every]]
@@ -50,17 +50,16 @@ def test_ready_made_observations_are_left_like_scans():
     seen = LandmarkObservations(np.ones(1), np.zeros(1))
     source = Source([False] * 5)
     source.frames = [replace(frame, observations=seen) for frame in source.frames]
-    assert [frame.observations is seen for frame in Excerpt(source)] == [True] * 5
-    assert [frame.observations is seen for frame in Excerpt(source, every=2)] == [True, False, True, False, True]
+    assert [frame.observations is seen for frame in Subsampled(source)] == [True] * 5
+    assert [frame.observations is seen for frame in Subsampled(source, every=2)] == [True, False, True, False, True]
 
 
-def test_an_excerpt_says_of_its_source_what_that_says():
-    excerpt = Excerpt(Source([True]))
-    assert (excerpt.name, excerpt.sensor, excerpt.progress) == ("source", "rplidar-s1", 0.5)
-    assert excerpt.mounting == Mounting(x=0.1)
+def test_subsampling_changes_neither_info_nor_progress():
+    source = Source([True])
+    assert (Subsampled(source).info, Subsampled(source).progress) == (source.info, 0.5)
 
 
 @pytest.mark.parametrize(("every", "skip"), [(0, 0.0), (1, -1.0), (1, float("nan"))])
 def test_misuse(every, skip):
     with pytest.raises(ValueError, match="expected"):
-        Excerpt(Source([True]), every, skip)
+        Subsampled(Source([True]), every, skip)

@@ -1,18 +1,20 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from drivers.frame import Frame
-from drivers.stages import Paced, Stage, WithOdometry
+from drivers.adapters import Paced, SourceAdapter, WithOdometry
+from drivers.frame import Frame, FrameSource, SourceInfo
 from features.scan import LaserScan
 from features.sensor import Mounting
 
 
-class Frames:
+class Frames(FrameSource):
     """A source of frames at given stamps."""
 
-    name, sensor, mounting, has_odometry, progress = "hall", "rplidar-s1", Mounting(0.1, 0.2, 0.3), False, 0.5
+    info, progress = SourceInfo("hall", "rplidar-s1", Mounting(0.1, 0.2, 0.3), has_odometry=False), 0.5
 
     def __init__(self, stamps):
         self.frames = [Frame(t, np.zeros(3), LaserScan(np.ones(3), np.array([0.0, 0.1, 0.2]), t)) for t in stamps]
@@ -51,12 +53,33 @@ def test_no_frame_comes_before_its_time_and_none_later_than_its_taker_allows(int
         free = clock.time
 
 
-def test_stage_says_what_its_source_says():
+def test_an_adapter_passes_on_what_its_source_says():
     source = Frames([0.0])
-    stage = Stage(source)
-    assert (stage.name, stage.sensor, stage.mounting) == (source.name, source.sensor, source.mounting)
-    assert (stage.has_odometry, stage.progress) == (False, 0.5)
-    assert list(stage) == source.frames
+    adapter = SourceAdapter(source)
+    assert (adapter.info, adapter.progress) == (source.info, 0.5)
+    assert list(adapter) == source.frames
+
+
+def test_a_source_offers_the_values_of_its_info():
+    info = SourceInfo("hall", "rplidar-s1", Mounting(0.1, 0.2, 0.3), has_odometry=False)
+    source = Frames([])
+    assert (source.name, source.sensor, source.mounting, source.has_odometry) == (
+        info.name,
+        info.sensor,
+        info.mounting,
+        info.has_odometry,
+    )
+
+
+def test_a_source_without_info_cannot_be_made():
+    class Nameless(FrameSource):
+        progress = 0.0
+
+        def __iter__(self):
+            return iter(())
+
+    with pytest.raises(TypeError, match="info"):
+        Nameless()
 
 
 def test_odometry_joins_the_frames_at_their_stamps():
@@ -64,6 +87,6 @@ def test_odometry_joins_the_frames_at_their_stamps():
         def at(self, stamp):
             return np.array([stamp, 2.0 * stamp, 0.1])
 
-    stage = WithOdometry(Frames([1.0, 2.0]), Wheels())
-    assert stage.has_odometry
-    assert [frame.pose_odom_robot.tolist() for frame in stage] == [[1.0, 2.0, 0.1], [2.0, 4.0, 0.1]]
+    source = WithOdometry(Frames([1.0, 2.0]), Wheels())
+    assert source.info == replace(source.source.info, has_odometry=True)
+    assert [frame.pose_odom_robot.tolist() for frame in source] == [[1.0, 2.0, 0.1], [2.0, 4.0, 0.1]]

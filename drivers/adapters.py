@@ -1,48 +1,37 @@
-"""What a source of frames may pass through on its way: wheels join it, a clock paces it."""
+"""Adapters between a source of frames and its consumer: odometry from another instrument, playback in real time."""
 
 import time
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from typing import Protocol
 
-from drivers.frame import Frame, FrameSource
+from drivers.frame import Frame, FrameSource, SourceInfo
 from features.se2 import Pose
-from features.sensor import Mounting
 
 
 class PoseAtStamp(Protocol):
-    """Tells an odometry pose, shape (3,), at a stamp [s]."""
+    """Odometry that is known at any time."""
 
     def at(self, stamp: float) -> Pose:
-        """Pose at a stamp."""
+        """Odometry pose at a stamp [s], shape (3,) [m, m, rad]."""
         ...
 
 
 @dataclass(frozen=True, slots=True)
-class Stage:
-    """A source that passes on what another one yields, as it is."""
+class SourceAdapter(FrameSource):
+    """A source that yields the frames of another one unchanged; subclasses change them.
+
+    Parameters
+    ----------
+    source : of the frames.
+    """
 
     source: FrameSource
 
     @property
-    def name(self) -> str:
-        """Name of the source."""
-        return self.source.name
-
-    @property
-    def sensor(self) -> str:
-        """Sensor preset of the source."""
-        return self.source.sensor
-
-    @property
-    def mounting(self) -> Mounting:
-        """Mounting of the source's sensor."""
-        return self.source.mounting
-
-    @property
-    def has_odometry(self) -> bool:
-        """Whether the poses of the frames tell the motion."""
-        return self.source.has_odometry
+    def info(self) -> SourceInfo:
+        """That of the source."""
+        return self.source.info
 
     @property
     def progress(self) -> float:
@@ -55,25 +44,39 @@ class Stage:
 
 
 @dataclass(frozen=True, slots=True)
-class WithOdometry(Stage):
-    """Frames with the odometry poses of another instrument, which tells them at any stamp."""
+class WithOdometry(SourceAdapter):
+    """Frames of a source with the odometry poses of another instrument.
+
+    Parameters
+    ----------
+    source : of the frames.
+    odometry : gives the pose at the stamp of each frame.
+    """
 
     odometry: PoseAtStamp
 
     @property
-    def has_odometry(self) -> bool:
-        """Whether the poses of the frames tell the motion: they do."""
-        return True
+    def info(self) -> SourceInfo:
+        """That of the source, with odometry."""
+        return replace(self.source.info, has_odometry=True)
 
     def __iter__(self) -> Iterator[Frame]:
-        """Yield the frames, each with its pose."""
+        """Yield the frames, each with its odometry pose."""
         for frame in self.source:
             yield replace(frame, pose_odom_robot=self.odometry.at(frame.stamp))
 
 
 @dataclass(frozen=True, slots=True)
-class Paced(Stage):
-    """Frames in time with the clock, ``speed`` times as fast as they were taken."""
+class Paced(SourceAdapter):
+    """Frames of a recorded source at the intervals of their stamps, as a live source would yield them.
+
+    Parameters
+    ----------
+    source : of the frames.
+    speed : how many times faster than they were recorded, positive.
+    clock : returns the time [s].
+    sleep : waits for a duration [s].
+    """
 
     speed: float
     clock: Callable[[], float] = time.monotonic

@@ -1,4 +1,4 @@
-"""Requests and their answers over a link."""
+"""Sends requests over a link and waits for their answers."""
 
 import time
 from collections.abc import Mapping
@@ -11,7 +11,7 @@ from drivers.rplidar.protocol.link import Link
 from drivers.rplidar.protocol.requests import Command
 
 ANSWER_TIMEOUT = 1.0
-"""For an answer; it is asked for twice [s]."""
+"""Longest wait for an answer; a request is sent twice [s]."""
 
 
 class NoAnswerError(DriverError):
@@ -19,7 +19,7 @@ class NoAnswerError(DriverError):
 
 
 def search_answer(link: Link, request: bytes, search: AnswerSearch, timeout: float = ANSWER_TIMEOUT) -> bool:
-    """Send a request, and say whether its answer came in time [s]."""
+    """Send a request, and return whether its answer arrived before the timeout [s]."""
     link.write(request)
     end = time.monotonic() + timeout
     while not search.feed(link.read()):
@@ -29,27 +29,27 @@ def search_answer(link: Link, request: bytes, search: AnswerSearch, timeout: flo
 
 
 def ask(link: Link, command: Command, answer: Answer, size: int) -> bytes:
-    """Payload of the answer to a request without values.
+    """Send a request without parameters and return the payload of its answer.
 
     Raises
     ------
     NoAnswerError
-        There is none.
+        The answer does not come.
     """
-    return _exchange(link, requests.request(command), {answer: size}, command.name)
+    return _ask(link, requests.request(command), {answer: size}, command.name)
 
 
 def ask_conf(link: Link, kind: Conf, mode: int | None = None) -> bytes:
-    """Payload of the answer for a value of the configuration, of a scan mode where it has one per mode."""
-    return _exchange(link, requests.lidar_conf(kind, mode), {Answer.LIDAR_CONF: None}, f"GET_LIDAR_CONF {kind.name}")
+    """Request a value of the configuration, for a scan mode where there is one for each, and return the payload."""
+    return _ask(link, requests.lidar_conf(kind, mode), {Answer.LIDAR_CONF: None}, f"GET_LIDAR_CONF {kind.name}")
 
 
 def ask_number(link: Link, kind: Conf, mode: int | None = None) -> float:
-    """Value of the configuration."""
+    """Request a numeric value of the configuration."""
     return unpack_number(kind, ask_conf(link, kind, mode))
 
 
-def _exchange(link: Link, request: bytes, sizes: Mapping[Answer, int | None], name: str) -> bytes:
+def _ask(link: Link, request: bytes, sizes: Mapping[Answer, int | None], name: str) -> bytes:
     for _ in range(2):
         search = AnswerSearch(sizes)
         if search_answer(link, request, search):

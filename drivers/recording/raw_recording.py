@@ -1,53 +1,54 @@
-"""The raw bytes of a scanner in a recording, beside its frames: written as they come, and decoded again."""
+"""Raw bytes of a scanner in a recording, beside its frames: recorded as they arrive, and decoded again."""
 
 import base64
 import binascii
 import logging
 import os
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from typing import Any
 
 import numpy as np
 
-from drivers.errors import LogFormatError
-from drivers.frame import Frame
+from drivers.counts import Counts
+from drivers.errors import DriverError, LogFormatError
+from drivers.frame import Frame, FrameSource, SourceInfo
+from drivers.live_source import RawDecoder, RawStream
 from drivers.recording.recorder import Recorder
 from drivers.recording.recording import Recording
-from drivers.rplidar.protocol.answers import Answer
-from drivers.rplidar.protocol.counts import Counts
-from drivers.rplidar.revolutions import RevolutionDecoder, ScanStream
+from drivers.scanners import find_scanner
 from features.se2 import Array, Pose
-from features.sensor import Mounting
 
 logger = logging.getLogger(__name__)
 
+DEFAULT_SCANNER = "rplidar"
+"""Kind of scanner where the record of a stream names none."""
+
 
 class RawRecorder:
-    """Writes the bytes of the scans into a recording, with the times at which they came; a tap of the driver.
+    """Writes the bytes of a scanner into a recording, with their arrival times; a ``drivers.live_source.RawTap``.
 
     Parameters
     ----------
-    recorder : that takes the frames too.
+    recorder : of the recording, which may receive frames too.
     """
 
     def __init__(self, recorder: Recorder) -> None:
         self._recorder = recorder
 
-    def begin(self, stream: ScanStream, time: float) -> None:
-        """Note that a scan begins."""
-        content = {"answer": int(stream.answer), "us_per_sample": stream.us_per_sample, "baud": stream.baud}
-        self._recorder.note({"stream": content, "time": time}, time)
+    def begin(self, stream: RawStream, time: float) -> None:
+        """Record that a scan starts at a time [s since 1970]."""
+        self._recorder.note({"stream": stream.to_record(), "time": time}, time)
 
     def chunk(self, data: bytes, time: float) -> None:
-        """Take bytes down, which came at a time [s since 1970]."""
+        """Record bytes that arrived at a time [s since 1970]."""
         self._recorder.note({"bytes": base64.b64encode(data).decode(), "time": time}, time)
 
 
-class RawRecording:
-    """Frames of a recording, decoded anew from the bytes of the scanner as they came.
+class RawRecording(FrameSource):
+    """Frames of a recording, decoded again from the recorded bytes of the scanner.
 
-    Every revolution comes, also those that were dropped while it was recorded. Odometry is that of the recorded frames,
-    interpolated.
+    It yields every revolution, also those that were dropped while they were recorded. Odometry is interpolated between
+    the recorded frames.
 
     Parameters
     ----------
@@ -72,24 +73,9 @@ class RawRecording:
             raise LogFormatError(f"{path} holds no raw bytes of a scanner: expected what `cwlf-slam record` writes")
 
     @property
-    def name(self) -> str:
-        """What was recorded, a short name fit for a folder."""
-        return self._recording.name
-
-    @property
-    def sensor(self) -> str:
-        """Name of the sensor preset that fits the scanner."""
-        return self._recording.sensor
-
-    @property
-    def mounting(self) -> Mounting:
-        """Where the scanner sat on the robot."""
-        return self._recording.mounting
-
-    @property
-    def has_odometry(self) -> bool:
-        """Whether the recorded poses tell the motion."""
-        return self._recording.has_odometry
+    def info(self) -> SourceInfo:
+        """That of the recording."""
+        return self._recording.info
 
     @property
     def progress(self) -> float:
@@ -100,12 +86,12 @@ class RawRecording:
         """Yield the frames; each call starts at the first."""
         odometry = _Odometry(self._recording) if self.has_odometry else None
         self.counts = before = Counts()
-        decoder: RevolutionDecoder | None = None
+        decoder: RawDecoder | None = None
         for number, record in self._recording.lines():
             try:
                 if "stream" in record:
                     before = self.counts
-                    decoder = RevolutionDecoder(_stream(record["stream"]))
+                    decoder = _decoder(record["stream"])
                 if "bytes" not in record:
                     continue
                 if decoder is None:
@@ -113,7 +99,7 @@ class RawRecording:
                 scans = decoder.feed(base64.b64decode(record["bytes"], validate=True), float(record["time"]))
             except KeyError as error:
                 raise LogFormatError(f"{self._path}, line {number}: no key {error}") from None
-            except (TypeError, ValueError, binascii.Error) as error:
+            except (AttributeError, TypeError, ValueError, binascii.Error, DriverError) as error:
                 raise LogFormatError(f"{self._path}, line {number}: {error}") from None
             self.counts = before + decoder.counts
             for scan in scans:
@@ -121,23 +107,27 @@ class RawRecording:
 
 
 def has_raw_bytes(recording: Recording) -> bool:
-    """Whether the raw bytes of a scanner are in a recording; they are before its first frame then."""
-    first = next((record for _, record in recording.lines() if "wall" not in record), {})
-    return "stream" in first
+    """Whether a recording holds the raw bytes of a scanner; they then begin before its first frame."""
+    first = next((record for _, record in recording.lines() if "wall" not in record), None)
+    return first is not None and "stream" in first
 
 
 class _Odometry:
     """Odometry of the frames of a recording at any time."""
 
     def __init__(self, recording: Recording) -> None:
-        frames = [(frame.stamp, frame.pose_odom_robot) for frame in recording]
-        self._stamps = np.array([stamp for stamp, _ in frames])
-        self._poses: Array = np.array([pose for _, pose in frames]).reshape(-1, 3)
-        self._poses[:, 2] = np.unwrap(self._poses[:, 2])
+        poses = [(frame.stamp, frame.pose_odom_robot) for frame in recording]
+        self._stamps = np.array([stamp for stamp, _ in poses])
+        x, y, theta = np.array([pose for _, pose in poses]).reshape(-1, 3).T
+        self._columns: tuple[Array, Array, Array] = x, y, np.unwrap(theta)
 
     def at(self, stamp: float) -> Pose:
-        return np.array([np.interp(stamp, self._stamps, column) for column in self._poses.T])
+        return np.array([float(np.interp(stamp, self._stamps, column)) for column in self._columns])
 
 
-def _stream(content: dict[str, Any]) -> ScanStream:
-    return ScanStream(Answer(content["answer"]), float(content["us_per_sample"]), int(content["baud"]))
+def _decoder(record: Mapping[str, Any]) -> RawDecoder:
+    name = record.get("scanner", DEFAULT_SCANNER)
+    decoder = find_scanner(name).decoder
+    if decoder is None:
+        raise ValueError(f"bytes of a scanner {name!r} cannot be decoded")
+    return decoder(record)

@@ -1,25 +1,25 @@
-"""Part of a source: without its beginning, and with fewer scans."""
+"""Subsampling of a source: without its beginning, and with fewer scans."""
 
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
+from drivers.adapters import SourceAdapter
 from drivers.errors import LogFormatError
 from drivers.frame import Frame
-from drivers.stages import Stage
 
 
 @dataclass(frozen=True, slots=True)
-class Excerpt(Stage):
-    """The frames of a source after a time, only some of them with their scan.
+class Subsampled(SourceAdapter):
+    """The frames of a source after a start time, every n-th with its scan or observations.
 
-    Every record keeps its odometry pose, as that of a sensor that is slower than the wheels.
+    All frames keep their odometry pose, so that the result is that of a sensor slower than the wheels.
 
     Parameters
     ----------
     source : of the frames.
-    every : one scan of so many is kept, the first one first, 1 or more; so are ready-made observations of a record.
-    skip : time from the first frame up to which all are left out [s].
+    every : n: the first scan is kept, and every n-th after it; 1 or more.
+    skip : duration from the first frame on whose frames are left out [s].
 
     Raises
     ------
@@ -42,19 +42,19 @@ class Excerpt(Stage):
         Raises
         ------
         LogFormatError
-            The source ends before the time from which on it was wanted.
+            The source has no scan after ``skip``.
         """
         start: float | None = None
-        looks = 0
+        measured = 0
         for frame in self.source:
             start = frame.stamp if start is None else start
             if frame.stamp - start < self.skip:
                 continue
             if frame.scan is not None or frame.observations is not None:
-                looks += 1
-                if (looks - 1) % self.every:
+                measured += 1
+                if (measured - 1) % self.every:
                     yield replace(frame, scan=None, observations=None)
                     continue
             yield frame
-        if start is not None and not looks:
+        if start is not None and not measured:
             raise LogFormatError(f"{self.name} has no scan after its first {self.skip:g} s: skip less of it")
