@@ -4,7 +4,7 @@ VENV ?= .venv
 BIN := $(VENV)/bin
 READY := $(VENV)/.ready
 
-.PHONY: demo test lint bench docs results clean
+.PHONY: demo test lint bench mutants docs results clean
 
 demo: $(READY)
 	$(BIN)/cwlf-slam demo --out runs/demo --overwrite
@@ -20,6 +20,10 @@ lint: $(READY)
 
 bench: $(READY)
 	$(BIN)/python -m pytest benchmarks --benchmark-enable --benchmark-only --benchmark-columns=median,iqr,rounds
+
+# Half an hour; ONLY="ekf jcbb" runs parts.
+mutants: $(READY)
+	$(BIN)/python tests/mutants/run.py $(ONLY)
 
 docs: demo
 	cp runs/demo/map.png docs/demo-map.png
