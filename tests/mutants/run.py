@@ -17,14 +17,14 @@ from pathlib import Path
 from queue import SimpleQueue
 
 REPOSITORY = Path(__file__).parents[2]
-COPIED = "features", "drivers", "sim", "slam", "tests", "docs", "pyproject.toml"
+PACKAGES = "features", "drivers", "sim", "slam", "tests"
 AT_ONCE = 2
 
 LEAST_NOTICED = 0.95
 """Share of the mutants that the tests have to notice."""
 
 TIME_LIMIT = 300.0
-"""Tests that run longer have noticed the mutant, such as a loop that does not end [s]."""
+"""Tests that run longer have noticed the mutant: a loop may not end [s]."""
 
 PASSED, FAILED = 0, 1
 """What pytest returns."""
@@ -39,7 +39,6 @@ class Mutant:
     part, breaks : where it belongs, and what it breaks, in words.
     file, old, new : relative to the repository, and the snippets.
     tests : arguments of pytest.
-    equivalent : why nothing can notice it; empty where something can.
     """
 
     part: str
@@ -48,7 +47,6 @@ class Mutant:
     old: str
     new: str
     tests: tuple[str, ...]
-    equivalent: str = ""
 
 
 def mutants() -> list[Mutant]:
@@ -62,69 +60,74 @@ def mutants() -> list[Mutant]:
 
 def main() -> int:
     every = mutants()
-    parts = sys.argv[1:] or list(dict.fromkeys(mutant.part for mutant in every))
-    if unknown := set(parts) - {mutant.part for mutant in every}:
-        print(f"no such part: {', '.join(sorted(unknown))}")
+    known = dict.fromkeys(mutant.part for mutant in every)
+    parts = sys.argv[1:] or known
+    if not set(parts) <= set(known):
+        print(f"there are mutants of: {', '.join(known)}")
         return 2
-    chosen = [mutant for mutant in every if mutant.part in parts and not mutant.equivalent]
-    copies: SimpleQueue[Path] = SimpleQueue()
+    chosen = [mutant for mutant in every if mutant.part in parts]
     with tempfile.TemporaryDirectory(prefix="cwlf-mutants-") as root, ThreadPoolExecutor(AT_ONCE) as pool:
-        for number in range(AT_ONCE):
-            copies.put(_copy(Path(root, str(number))))
+        copies = _Copies(Path(root))
         # A test that fails anyway would notice everything.
         tests = sorted({test for mutant in chosen for test in mutant.tests})
-        for test, found in zip(tests, pool.map(lambda test: _passes(copies, (test,)), tests), strict=True):
-            if found != "survived":
-                print(f"fails without any mutant: {test}")
-                return 2
+        failing = [test for test, passed in zip(tests, pool.map(copies.passes, tests), strict=True) if not passed]
+        if failing:
+            print(f"fails without any mutant: {', '.join(failing)}")
+            return 2
         counts = {"noticed": 0, "survived": 0, "broken": 0}
-        for mutant, (found, seconds) in zip(chosen, pool.map(lambda each: _try(copies, each), chosen), strict=True):
-            counts[found] += 1
-            print(f"{mutant.part:17} {found:9} {seconds:4.0f} s  {mutant.breaks}", flush=True)
+        for mutant, (outcome, seconds) in zip(chosen, pool.map(copies.outcome, chosen), strict=True):
+            counts[outcome] += 1
+            print(f"{mutant.part:17} {outcome:9} {seconds:4.0f} s  {mutant.breaks}", flush=True)
     share = counts["noticed"] / len(chosen)
-    print(f"{', '.join(f'{count} {found}' for found, count in counts.items())}: {share:.1%} noticed")
+    print(f"{', '.join(f'{count} {outcome}' for outcome, count in counts.items())}: {share:.1%} noticed")
     return int(share < LEAST_NOTICED or counts["broken"] > 0)
 
 
-def _copy(folder: Path) -> Path:
-    for name in COPIED:
-        source = REPOSITORY / name
-        if source.is_dir():
-            shutil.copytree(source, folder / name, ignore=shutil.ignore_patterns("__pycache__"))
-        else:
-            shutil.copy2(source, folder / name)
-    return folder
+class _Copies:
+    """Copies of the packages, each for one mutant at a time.
 
+    What is compiled stays with them, and is compiled again only where it depends on what a mutant has changed.
+    """
 
-def _try(copies: "SimpleQueue[Path]", mutant: Mutant) -> tuple[str, float]:
-    """What becomes of a mutant, and how long that takes [s]."""
-    start = time.monotonic()
-    return _passes(copies, mutant.tests, mutant), time.monotonic() - start
+    def __init__(self, root: Path) -> None:
+        self._free: SimpleQueue[Path] = SimpleQueue()
+        for number in range(AT_ONCE):
+            folder = root / str(number)
+            for name in PACKAGES:
+                shutil.copytree(REPOSITORY / name, folder / name, ignore=shutil.ignore_patterns("__pycache__"))
+            shutil.copy2(REPOSITORY / "pyproject.toml", folder)
+            self._free.put(folder)
 
-
-def _passes(copies: "SimpleQueue[Path]", tests: tuple[str, ...], mutant: Mutant | None = None) -> str:
-    """Whether tests pass in a copy: ``survived``, else ``noticed``; ``broken`` where they cannot be run."""
-    folder = copies.get()
-    try:
-        if mutant is None:
-            return _run(folder, tests)
-        text = (REPOSITORY / mutant.file).read_text(encoding="utf-8")
-        if text.count(mutant.old) != 1:
-            return "broken"
-        (folder / mutant.file).write_text(text.replace(mutant.old, mutant.new), encoding="utf-8")
+    def passes(self, test: str) -> bool:
+        """Whether a test passes without a mutant."""
+        folder = self._free.get()
         try:
-            return _run(folder, tests)
+            return _run_tests(folder, (test,)) == PASSED
+        finally:
+            self._free.put(folder)
+
+    def outcome(self, mutant: Mutant) -> tuple[str, float]:
+        """What becomes of a mutant, and how long that takes [s]; ``broken`` is one of which no test can be run."""
+        folder, start = self._free.get(), time.monotonic()
+        original, changed = REPOSITORY / mutant.file, folder / mutant.file
+        try:
+            text = original.read_text(encoding="utf-8")
+            if text.count(mutant.old) != 1:
+                return "broken", 0.0
+            changed.write_text(text.replace(mutant.old, mutant.new), encoding="utf-8")
+            returned = _run_tests(folder, mutant.tests)
+            return {PASSED: "survived", FAILED: "noticed"}.get(returned, "broken"), time.monotonic() - start
         finally:
             # With its old time, by which compiled code is found again.
-            shutil.copy2(REPOSITORY / mutant.file, folder / mutant.file)
-    finally:
-        copies.put(folder)
+            shutil.copy2(original, changed)
+            self._free.put(folder)
 
 
-def _run(folder: Path, tests: tuple[str, ...]) -> str:
+def _run_tests(folder: Path, tests: tuple[str, ...]) -> int:
+    """Return what pytest returns."""
     paths = os.pathsep.join([str(folder), str(folder / "tests")])
     try:
-        ended = subprocess.run(
+        return subprocess.run(
             [
                 *(sys.executable, "-m", "pytest", "-x", "-q", "-p", "no:cacheprovider", "-p", "no:xdist"),
                 *("--hypothesis-profile", "mutants", *tests),
@@ -137,8 +140,7 @@ def _run(folder: Path, tests: tuple[str, ...]) -> str:
             check=False,
         ).returncode
     except subprocess.TimeoutExpired:
-        return "noticed"
-    return {PASSED: "survived", FAILED: "noticed"}.get(ended, "broken")
+        return FAILED
 
 
 if __name__ == "__main__":
