@@ -46,7 +46,7 @@ class Slam:
     Parameters
     ----------
     config : of all that comes with the project.
-    extractor : another extractor of features than :func:`features.extract.extract`.
+    extractor : another extractor of features than :func:`features.extraction.extract`.
     associator : another association of corners and landmarks than :func:`slam.filter.association.associate`.
     back_end : makes another back-end, without key frames, than :class:`slam.graph.incremental.LandmarkGraph`.
 
