@@ -11,7 +11,7 @@ from places import DATA
 
 from drivers.carmen.log import CarmenLog
 from drivers.frame import Frame
-from features.extract import extract
+from features.extraction import extract
 from features.scan import LaserScan
 from features.se2 import compose, pose, transform
 from features.sensor import Mounting

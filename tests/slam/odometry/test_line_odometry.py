@@ -13,7 +13,7 @@ from scipy.stats import chi2
 
 from drivers.carmen.log import CarmenLog
 from drivers.frame import Frame
-from features.extract import extract
+from features.extraction import extract
 from features.scan import LaserScan
 from features.se2 import between, compose, pose, wrap_angle
 from sim import room_run
