@@ -1,5 +1,6 @@
 """The commands ``world``, ``simulate`` and ``export`` as a user meets them; recordings in ``run`` and ``evaluate``."""
 
+import itertools
 import json
 import signal
 import sys
@@ -89,7 +90,9 @@ def test_a_recording_runs_like_a_log_and_holds_its_truth(cwlf: Call, tmp_path: P
 def test_a_recording_with_effects_and_people_holds_the_times_of_its_beams_and_runs(cwlf: Call, tmp_path: Path) -> None:
     """S1 effects: a sweep of 0.1 s, whole millimetres and lost beams; ``run`` undoes the motion by the times."""
     recording, run = tmp_path / "r.gz", tmp_path / "run"
-    options = ("--effects", "rplidar-s1", "--people", 2, "--odometry", "good")
+    waypoints = np.array(find_site("room").waypoints)[:8]
+    np.savetxt(tmp_path / "path.csv", waypoints, delimiter=",")
+    options = ("--path", tmp_path / "path.csv", "--effects", "rplidar-s1", "--people", 2, "--odometry", "good")
     assert cwlf("simulate", "--world", "room", "--out", recording, *options)[0] == 0
     frames = list(Recording(recording))
     scans = [frame.scan for frame in frames if frame.scan is not None]
@@ -103,11 +106,12 @@ def test_a_recording_with_effects_and_people_holds_the_times_of_its_beams_and_ru
         Lidar.of_preset("rplidar-s1", effects=EFFECTS["rplidar-s1"]),
         "rplidar-s1",
         1,
+        waypoints,
         odometry=ODOMETRIES["good"],
         people=2,
     )
     np.testing.assert_array_equal([frame.pose_odom_robot for frame in frames], source.poses_odom_robot)
-    np.testing.assert_allclose(scans[100].ranges, list(source.measurements())[100].scan.ranges, atol=1e-6)
+    np.testing.assert_allclose(scans[100].ranges, next(itertools.islice(source.measurements(), 100, None)).scan.ranges, atol=1e-6)
     assert cwlf("run", recording, "--out", run)[0] == 0
     report = json.loads(cwlf("evaluate", run, "--truth", recording, "--json")[1])
     assert report["ate"]["rmse_m"] < 0.05
