@@ -53,6 +53,7 @@ def folders(tmp_path: Path) -> set[str]:
     return {folder.name for folder in (tmp_path / "caches" / "cwlf-slam").iterdir()}
 
 
+@pytest.mark.slow
 def test_an_edited_function_of_another_file_is_compiled_into_the_kernel(tmp_path: Path) -> None:
     """Also where the file keeps its time, as after a checkout."""
     for name, text in {

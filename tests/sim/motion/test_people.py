@@ -7,6 +7,7 @@ import shapely
 from sim import EFFECTS, Lidar, World, WorldError, find_site, people_beside, site_run
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["room", "apartment", "office-loop"])
 def test_people_touch_neither_walls_nor_the_robot_wherever_they_are(name):
     """Distances by shapely between where they are over ten minutes and walls and the way of the robot."""
@@ -21,6 +22,7 @@ def test_people_touch_neither_walls_nor_the_robot_wherever_they_are(name):
         assert shapely.distance(places, way).min() >= person.radius + 0.15 - 2e-2  # the way is simplified by 1 cm
 
 
+@pytest.mark.slow
 def test_the_lidar_sees_them_and_the_seed_decides_where_they_go():
     def run(seed):
         return site_run(find_site("room"), Lidar.of_preset("rplidar-s1"), "rplidar-s1", seed, people=2)

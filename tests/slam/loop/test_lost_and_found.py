@@ -94,6 +94,7 @@ def test_a_room_that_is_a_copy_is_not_taken_for_the_first():
     assert all(true(closure, truth) for each in found for closure in each)
 
 
+@pytest.mark.slow
 def test_a_robot_that_is_lost_among_copies_says_nothing():
     """Lost on the way to the third of three rooms that are alike, it could be in any of them; 5 m on it does not know."""
     steps = LAP - 8

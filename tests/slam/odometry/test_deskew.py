@@ -166,6 +166,7 @@ def trajectory_error(deskewed):
     return max(errors)
 
 
+@pytest.mark.slow
 def test_the_pipeline_deskews_by_default():
     """At 1 m/s a scan is 0.1 m long: left as it is, it pulls the filter off by a multiple of what remains otherwise."""
     assert SlamConfig.of_preset("rplidar-s1").front_end.deskew
