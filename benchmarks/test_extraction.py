@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from features.config import METHODS, ExtractionConfig
-from features.extract import extract
+from features.extraction import extract
 from features.feature import LINE_RECORD
 from features.fitting.fit_kernels import fit_kernel
 from features.se2 import pose

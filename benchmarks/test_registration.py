@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from features.extract import extract
+from features.extraction import extract
 from features.se2 import compose, pose
 from sim.sensing.lidar import Lidar
 from sim.worlds.built_in.demo_room import room

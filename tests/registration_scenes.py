@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 
-from features.extract import extract
+from features.extraction import extract
 from features.scan import LaserScan
 from features.sensor import SensorModel
 from sim import SimulatedRun

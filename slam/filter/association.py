@@ -88,7 +88,7 @@ class Gates:
         orientation: float,
     ) -> None:
         self.method: Method = method
-        self.joint: Array = chi2.ppf(match_probability, np.maximum(2 * np.arange(MOST_CORNERS), 1))
+        self.joint: Array = np.asarray(chi2.ppf(match_probability, np.maximum(2 * np.arange(MOST_CORNERS), 1)))
         self.match = float(self.joint[1])
         self.birth = float(chi2.ppf(birth_probability, 2))
         self.birth_distance = birth_distance

@@ -55,6 +55,6 @@ def empty_tree(relinearize_skip: int) -> gtsam.ISAM2:
     """Tree that is eliminated by QR, iSAM2's and from Python GTSAM's only way to marginals of a long open way."""
     params = gtsam.ISAM2Params()
     params.setFactorization("QR")
-    params.setRelinearizeThreshold(0.05)
+    params.setRelinearizeThreshold(0.05)  # pyright: ignore[reportUnknownMemberType]  # GTSAM leaves arguments untyped
     params.relinearizeSkip = relinearize_skip
     return gtsam.ISAM2(params)

@@ -1,6 +1,9 @@
+# pyright: reportUnknownMemberType=false
+# matplotlib leaves the types of keyword arguments open.
 """Pictures of a run."""
 
 from pathlib import Path
+from typing import Any
 
 import matplotlib as mpl
 import numpy as np
@@ -17,7 +20,7 @@ from slam.result.result import SlamResult
 INK, WALL, PATH, ODOMETRY = "#22272e", "#3b4554", "#1f77b4", "#9db8cc"
 CONCAVE, CONVEX, POINT = "#d1495b", "#d98a1f", "#6a4c93"
 MOST_POINTS = 150_000
-"""Scan points drawn at most; a random sample stands for more."""
+"""Scan points drawn at most; of more, a random sample is drawn."""
 
 
 def draw_map(path: Path, title: str, result: SlamResult, rng: Generator) -> None:
@@ -140,8 +143,8 @@ def _legend(result: SlamResult, magnification: int) -> list[Line2D]:
     """Entries for what there is; of landmarks all kinds of corners, or points."""
     drawn = "2 sigma" if magnification == 1 else f"2 sigma x {magnification}"
 
-    def entry(label: str, **style: object) -> Line2D:
-        return Line2D([], [], label=label, **style)  # type: ignore[arg-type]  # style names are matplotlib's
+    def entry(label: str, **style: Any) -> Line2D:
+        return Line2D([], [], label=label, **style)
 
     walls = [entry("walls as seen", color=WALL, alpha=0.6)]
     corners = [

@@ -2,7 +2,7 @@
 
 import sys
 import time
-from collections.abc import Iterator
+from collections.abc import Generator
 from contextlib import contextmanager
 from typing import Any
 
@@ -10,7 +10,7 @@ from slam.result.run_metrics import StageTime
 
 
 class StageClock:
-    """Times of the stages of a run, call by call; kept in a file, it stands until it is read back.
+    """Times of the stages of a run, call by call; pickled, the clock stops until it is read back.
 
     Parameters
     ----------
@@ -34,7 +34,7 @@ class StageClock:
         return time.perf_counter() - self._started
 
     @contextmanager
-    def timed(self, stage: str) -> Iterator[None]:
+    def timed(self, stage: str) -> Generator[None]:
         """Count the time inside the context as one call of a stage."""
         start = time.perf_counter()
         yield
@@ -46,7 +46,7 @@ class StageClock:
 
 
 def peak_memory_mb() -> float | None:
-    """Largest resident memory of this process so far [MB]; None where the system does not tell."""
+    """Largest resident memory of this process so far [MB]; None where the system does not report it."""
     try:
         import resource
     except ImportError:  # Windows

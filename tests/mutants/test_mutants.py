@@ -6,4 +6,5 @@ from mutants.run import REPOSITORY, mutants
 
 @pytest.mark.parametrize("mutant", mutants(), ids=lambda mutant: f"{mutant.part}: {mutant.breaks}")
 def test_what_a_mutant_replaces_stands_in_its_file_once(mutant):
-    assert (REPOSITORY / mutant.file).read_text(encoding="utf-8").count(mutant.old) == 1
+    found = (REPOSITORY / mutant.file).read_text(encoding="utf-8").count(mutant.old)
+    assert found == 1

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from registration_scenes import CONFIG, LIDAR, SENSOR, points_of
 
-from features.extract import extract
+from features.extraction import extract
 from features.se2 import between, compose, pose
 from sim.worlds.world import World
 from slam.graph.incremental import LandmarkGraph
@@ -94,10 +94,11 @@ def test_a_room_that_is_a_copy_is_not_taken_for_the_first():
     assert all(true(closure, truth) for each in found for closure in each)
 
 
+@pytest.mark.slow
 def test_a_robot_that_is_lost_among_copies_says_nothing():
-    """Lost on the way to the third of three rooms that are alike, it could be in any of them."""
+    """Lost on the way to the third of three rooms that are alike, it could be in any of them; 5 m on it does not know."""
     steps = LAP - 8
-    truth = laps(3, steps)
+    truth = laps(3, steps)[: 2 * steps + 12]
     found, closer = drive(rings(3), truth, 2, {2 * steps: (pose(1.0, 1.0, 0.3), np.diag([60.0, 60.0, 3.0]) ** 2)})
     assert closer.counts.proposed_by_corners >= 2
     assert closer.counts.rejected >= 2
