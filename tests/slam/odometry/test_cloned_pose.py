@@ -90,6 +90,14 @@ def test_it_is_the_dense_filter_over_pose_and_anchors(seed):
         assert np.linalg.eigvalsh(anchor.motion_cov).min() > 0.0
 
 
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_a_correction_over_the_cut_of_angles_leaves_a_heading_that_is_wrapped(sign):
+    drifting = ClonedPose(pose())
+    drifting.move(pose(0.0, 0.0, sign * 3.1), np.eye(3))
+    drifting.correct(1e9 * np.eye(3), 1e9 * np.array([0.0, 0.0, sign * 0.1]))
+    assert drifting.pose[2] == pytest.approx(sign * (3.2 - 2.0 * math.pi), abs=1e-6)
+
+
 def test_information_along_one_direction_leaves_the_others():
     drifting = ClonedPose(pose())
     anchor = drifting.clone()

@@ -69,6 +69,16 @@ def test_a_change_of_the_map_frame_changes_nothing_else(x, y, turn):
     assert after.share == pytest.approx(before.share, abs=0.01)
 
 
+@pytest.mark.parametrize("turns", [-1, 1])
+def test_whole_turns_between_prior_and_start_change_nothing(turns):
+    scan = seen(room(), compose(HERE, pose(0.1, -0.05, 0.03)), np.random.default_rng(2))
+    start = HERE + np.array([0.0, 0.0, turns * 2.0 * math.pi])
+    before, after = (register(scan, ROOM, HERE, VAGUE, each, RULES) for each in (HERE, start))
+    np.testing.assert_allclose(after.pose_map_robot, before.pose_map_robot, atol=1e-9)
+    np.testing.assert_allclose(after.information, before.information, rtol=1e-6)
+    np.testing.assert_allclose(after.pull, before.pull, rtol=1e-6)
+
+
 def one_wall(distance, heading):
     """A wall ahead of the sensor, 4 m long, whose direction and offset are known well."""
     wall = np.zeros(8)
