@@ -12,14 +12,12 @@ from features.se2 import Array
 from features.signature import Kind, Signatures, alike
 from slam.filter.ekf import POSE_DIM, LandmarkEkf, corner_jacobian_blocks, predict_corners
 from slam.filter.joint_compatibility import joint_compatibility
+from slam.filter.rules import FilterRules
 
 Indices = NDArray[np.int64]
 
 Method = Literal["joint", "nearest"]
 """Joint compatibility branch and bound, or gated nearest neighbour."""
-
-MOST_CORNERS = 500
-"""For which gates are kept ready; no scan has as many."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -76,6 +74,7 @@ class Gates:
     birth_probability : chi-square level beyond which a corner is none of those known.
     birth_distance : nearest landmark of the same kind to a new one [m].
     opening, orientation : differences of signature that may belong together [rad].
+    most_nodes : of the search tree of the joint compatibility.
     """
 
     def __init__(
@@ -86,14 +85,23 @@ class Gates:
         birth_distance: float,
         opening: float,
         orientation: float,
+        most_nodes: int = FilterRules().most_nodes,
     ) -> None:
         self.method: Method = method
-        self.joint: Array = chi2.ppf(match_probability, np.maximum(2 * np.arange(MOST_CORNERS), 1))
-        self.match = float(self.joint[1])
+        self.most_nodes = most_nodes
+        self._match_probability = match_probability
+        self._joint: Array = np.empty(0)
+        self.match = float(self.joint(1)[1])
         self.birth = float(chi2.ppf(birth_probability, 2))
         self.birth_distance = birth_distance
         self.opening = opening
         self.orientation = orientation
+
+    def joint(self, most_pairs: int) -> Array:
+        """Limits of the squared Mahalanobis distance of 0, 1, ... pairs together, for so many pairs or more."""
+        if len(self._joint) <= most_pairs:
+            self._joint = chi2.ppf(self._match_probability, np.maximum(2 * np.arange(2 * most_pairs + 1), 1))
+        return self._joint
 
 
 class Associator(Protocol):
@@ -135,7 +143,9 @@ def associate(corners_robot: Corners, ekf: LandmarkEkf, signatures: Signatures, 
     rows, columns = np.nonzero(admitted <= gates.match)
     if gates.method == "joint":
         cov = _joint_cov(corners_robot, ekf, rows, columns)
-        chosen, nis = joint_compatibility(rows, columns, innovations[rows, columns], cov, gates.joint)
+        chosen, nis = joint_compatibility(
+            rows, columns, innovations[rows, columns], cov, gates.joint(count), gates.most_nodes
+        )
     else:
         chosen = _nearest(rows, columns, admitted[rows, columns])
         nis = _joint_distance2(

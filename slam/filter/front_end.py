@@ -16,12 +16,10 @@ from features.signature import Kind, alike
 from slam.filter.association import Association, Associator, Gates, associate, associate_identified
 from slam.filter.ekf import POSE_DIM, LandmarkEkf, block_diagonal, corner_jacobian_blocks
 from slam.filter.landmark_table import ACTIVE, REMOVED, LandmarkTable
+from slam.filter.rules import FilterRules
 from slam.odometry.beams import seen_through
 
 Indices = NDArray[np.int64]
-
-MERGE_SIGMA = 0.01
-"""Standard deviation of the distance of two landmarks that are one [m]."""
 
 
 class FrontEnd:
@@ -33,6 +31,7 @@ class FrontEnd:
     gates : of the association.
     keep_distance : landmarks farther from the robot are laid to rest [m].
     associator : another association than :func:`slam.filter.association.associate`; None for that one.
+    rules : how sure a merger is, and when beams have gone through a landmark.
 
     Attributes
     ----------
@@ -50,7 +49,9 @@ class FrontEnd:
         gates: Gates,
         keep_distance: float,
         associator: Associator | None = None,
+        rules: FilterRules = FilterRules(),  # noqa: B008, frozen
     ) -> None:
+        self._rules = rules
         self.ekf = LandmarkEkf(pose_world_robot, cov)
         self.table = LandmarkTable()
         self.active: Indices = np.empty(0, np.int64)
@@ -120,7 +121,7 @@ class FrontEnd:
         """End landmarks whose place the beams went through more often than they were seen; none ``seen`` just now."""
         if not self.active.size:
             return
-        missed = seen_through(scan, sensor, transform_inverse(self.ekf.pose, self.ekf.landmarks))
+        missed = seen_through(scan, sensor, transform_inverse(self.ekf.pose, self.ekf.landmarks), self._rules.beams)
         missed &= ~_among(self.active, seen)
         self.table.misses[self.active[missed]] += 1
         over = self.table.misses[self.active] > self.table.observations[self.active]
@@ -213,7 +214,7 @@ class FrontEnd:
     def _constrain_equal(self, kept: int, other: int) -> None:
         """Update with the knowledge that two landmarks are one."""
         H = self._difference(kept, other)
-        self.ekf.update(np.zeros(2), lambda x: H, lambda x: H @ x, R=MERGE_SIGMA**2 * np.eye(2))
+        self.ekf.update(np.zeros(2), lambda x: H, lambda x: H @ x, R=self._rules.merge_sigma**2 * np.eye(2))
 
     def _difference(self, a: int, b: int) -> csr_array:
         columns = POSE_DIM + np.array([2 * a, 2 * b, 2 * a + 1, 2 * b + 1])

@@ -11,6 +11,7 @@ from features.se2 import Array, Pose, compose, rotation, transform
 from slam.errors import DivergedError
 from slam.graph.batch import Problem
 from slam.graph.factors import anchor_factor, closure_factor, corner_factor, empty_tree, odometry_factor
+from slam.graph.rules import GraphRules
 from slam.graph.values import Closure, GraphEstimate, Observations
 
 logger = logging.getLogger(__name__)
@@ -22,15 +23,17 @@ class LandmarkGraph:
     Parameters
     ----------
     cauchy_scale : residual, in sigmas, where the robust kernel halves the weight of a corner observation.
+    rules : when a closure is revoked, where the graph is fixed, and how exactly it is solved.
     """
 
-    def __init__(self, cauchy_scale: float) -> None:
+    def __init__(self, cauchy_scale: float, rules: GraphRules = GraphRules()) -> None:  # noqa: B008, frozen
+        self._rules = rules
         self._kernel = gtsam.noiseModel.mEstimator.Cauchy.Create(cauchy_scale)
         self._odometry = gtsam.NonlinearFactorGraph()
         self._observations: list[Observations] = []
         self._closures: list[Closure] = []
         self._merged_into: dict[int, int] = {}
-        self._isam: gtsam.ISAM2 | None = empty_tree(relinearize_skip=10)
+        self._isam: gtsam.ISAM2 | None = empty_tree(rules.relinearize, rules.relinearize_skip)
         self._new_factors = gtsam.NonlinearFactorGraph()
         self._new_values = gtsam.Values()
         self._seen_once: dict[int, tuple[int, Array, Array]] = {}
@@ -70,7 +73,7 @@ class LandmarkGraph:
         key = len(self)
         if key == 0:
             pose = pose_world_robot
-            factor = anchor_factor(pose)
+            factor = anchor_factor(pose, self._rules.anchor_sigmas)
         else:
             pose = compose(self.poses_world_robot[-1], motion)
             factor = odometry_factor(key, motion, motion_cov)
@@ -243,7 +246,7 @@ class LandmarkGraph:
                 if not guess.exists(name):
                     guess.insert(name, known.atPoint2(name) if known.exists(name) else transform(pose, position))
                 graph.add(corner_factor(key, landmark, position, cov, self._kernel))
-        return Problem(graph, guess, landmarks)
+        return Problem(graph, guess, landmarks, self._rules)
 
 
 def _each(observations: Observations) -> zip:

@@ -4,6 +4,7 @@ from typing import Any
 
 from features.se2 import Array, Pose
 from slam.graph.incremental import LandmarkGraph
+from slam.graph.rules import GraphRules
 from slam.graph.values import Closure, Observations
 
 
@@ -14,19 +15,24 @@ class JournaledGraph(LandmarkGraph):
 
     Parameters
     ----------
-    cauchy_scale : residual, in sigmas, where the robust kernel halves the weight of a corner observation.
+    cauchy_scale, rules : of :class:`LandmarkGraph`.
     journal : names and arguments of calls that are made at once.
     """
 
-    def __init__(self, cauchy_scale: float, journal: tuple[tuple[str, Any], ...] = ()) -> None:
-        super().__init__(cauchy_scale)
+    def __init__(
+        self,
+        cauchy_scale: float,
+        rules: GraphRules = GraphRules(),  # noqa: B008, frozen
+        journal: tuple[tuple[str, Any], ...] = (),
+    ) -> None:
+        super().__init__(cauchy_scale, rules)
         self._cauchy_scale = cauchy_scale
         self._journal: list[tuple[str, Any]] = []
         for name, arguments in journal:
             getattr(self, name)(*arguments)
 
     def __reduce__(self) -> tuple[type, tuple[Any, ...]]:
-        return JournaledGraph, (self._cauchy_scale, tuple(self._journal))
+        return JournaledGraph, (self._cauchy_scale, self._rules, tuple(self._journal))
 
     def add_key_frame(
         self, pose_world_robot: Pose, motion: Pose, motion_cov: Array, observations: Observations

@@ -16,7 +16,8 @@ from sim.sensing.lidar import Lidar
 from sim.worlds.built_in.room import room
 from sim.worlds.world import World
 from slam.odometry.line_map import CENTER, LENGTH, NORMAL_X, NORMAL_Y, VAR_ANGLE, VAR_OFFSET, WALL_X, WALL_Y
-from slam.odometry.registration import RegistrationRules, register
+from slam.odometry.registration import register
+from slam.odometry.rules import RegistrationRules
 
 law = settings(derandomize=True, deadline=None, max_examples=40)
 RULES = RegistrationRules()
