@@ -23,7 +23,7 @@ def joint_compatibility(
     gates : limit of the squared Mahalanobis distance of 0, 1, ... pairs together (2 degrees of freedom each), for as
         many pairs as there are corners.
     most_nodes : of the search tree; where they do not suffice the best set so far stands, which is at least the greedy
-        one.
+        one if there are more nodes than corners.
 
     Returns
     -------
@@ -83,7 +83,7 @@ def _search(starts, landmarks, innovations, cov, gates, most_nodes):
     distance2_at = np.zeros(levels + 1)
     following = np.empty(levels, np.int64)
     best = np.empty(levels, np.int64)
-    best_pairs = -1
+    best_pairs = 0
     best_distance2 = np.inf
     level = 0
     following[0] = starts[0]
@@ -123,4 +123,5 @@ def _search(starts, landmarks, innovations, cov, gates, most_nodes):
             pairs_at[level] = pairs
             distance2_at[level] = distance2
             following[level] = starts[level]
-    return best[:best_pairs].copy(), best_distance2
+    # Fewer nodes than corners lead to no hypothesis at all.
+    return best[:best_pairs].copy(), best_distance2 if best_pairs else 0.0

@@ -40,7 +40,7 @@ class GraphRules:
 
     @property
     def closure_gate(self) -> float:
-        """What leaving a closure out takes off twice the cost, beyond which the rest contradicts it (eq. M50)."""
+        """What leaving a closure out takes off twice the cost, beyond which the rest contradicts it (eq. M50, M64)."""
         return float(chi2.ppf(self.consistent, 3))
 
 
@@ -65,5 +65,5 @@ class MultiHypothesisRules:
 
     @property
     def merge_gate(self) -> float:
-        """Squared Mahalanobis distance of two landmarks up to which they are one (eq. M61)."""
+        """Squared Mahalanobis distance of two landmarks up to which they are one (eq. M61, M64)."""
         return float(chi2.ppf(self.one_landmark, 2))

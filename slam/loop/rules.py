@@ -91,7 +91,7 @@ class LoopRules:
 
     @property
     def possible_gate(self) -> float:
-        """Squared Mahalanobis distance from dead reckoning beyond which a hypothesis is dropped (eq. M51)."""
+        """Squared Mahalanobis distance from dead reckoning beyond which a hypothesis is dropped (eq. M51, M64)."""
         return float(chi2.ppf(self.possible, 3))
 
     @property

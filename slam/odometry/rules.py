@@ -110,7 +110,7 @@ class CalibrationRules:
 
     @property
     def slip_gate(self) -> float:
-        """Squared Mahalanobis distance of a motion from what the wheels say beyond which they have slipped."""
+        """Squared Mahalanobis distance of a motion from that of the wheels beyond which they slipped (eq. M64)."""
         return float(chi2.ppf(self.no_slip, 3))
 
 
@@ -163,7 +163,7 @@ class LineOdometryRules:
 
     @property
     def prediction_gate(self) -> float:
-        """Squared Mahalanobis distance of a result from the prediction beyond which the latter is doubted."""
+        """Squared Mahalanobis distance of a result from the prediction beyond which the latter is doubted (eq. M64)."""
         return float(chi2.ppf(self.prediction, 3))
 
     @property

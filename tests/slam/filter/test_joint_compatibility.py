@@ -124,6 +124,10 @@ def test_the_best_of_many_hypotheses_is_found_where_the_search_takes_thousands_o
     chosen, distance2 = joint_compatibility(corners, landmarks, math.sqrt(scale) * innovations, cov, GATES, NODES)
     np.testing.assert_array_equal(chosen, ways[distances2.argmin()])
     np.testing.assert_allclose(distance2, scale * distances2.min(), rtol=1e-9)
+    # Six nodes lead to the first way of all, and no more are looked at.
+    first, _ = joint_compatibility(corners, landmarks, math.sqrt(scale) * innovations, cov, GATES, 30)
+    assert len(first) == 6
+    assert first.tolist() != chosen.tolist()
 
 
 @pytest.mark.parametrize("seed", range(6))
@@ -157,3 +161,9 @@ def test_where_the_search_is_not_completed_its_result_is_at_least_the_greedy_one
     costs[corners, landmarks] = own
     best = costs[linear_sum_assignment(costs)].sum()
     assert best < distance2 or len(chosen) < 14
+
+
+def test_gates_that_do_not_suffice_for_the_corners_are_refused():
+    corners, landmarks = np.arange(12), np.arange(12)
+    with pytest.raises(ValueError, match="12 corners need 13 gates, not 12"):
+        joint_compatibility(corners, landmarks, np.zeros((12, 2)), np.eye(24), GATES, NODES)
