@@ -59,9 +59,9 @@ class GeometricHash:
 
     def add(self, constellation: Constellation) -> None:
         """Remember a place by its constellation, given in its frame."""
-        ordered = np.nonzero(~np.eye(len(constellation), dtype=np.bool_))
+        first, second = np.nonzero(~np.eye(len(constellation), dtype=np.bool_))
         self._places.append(constellation)
-        self._pairs.append(_pairs(constellation, *ordered, self._rules))
+        self._pairs.append(_pairs(constellation, first, second, self._rules))
         self._tree = None
 
     def propose(self, constellation: Constellation, admit: Admit) -> list[Proposal]:

@@ -37,7 +37,7 @@ class WheelCalibration:
         self._rules = rules
         self._slip_gate = rules.slip_gate
         self._state = np.zeros(3)
-        self._information: Array = np.linalg.inv(rules.first_cov)
+        self._information: Array = np.asarray(np.linalg.inv(rules.first_cov), np.float64)
         self._wheels = ClonedPose(np.zeros(3))
         self._since = self._wheels.clone()
 
