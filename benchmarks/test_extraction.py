@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 
 from features.config import METHODS, ExtractionConfig
-from features.extract import extract
+from features.extraction import extract
 from features.feature import LINE_RECORD
 from features.fitting.fit_kernels import fit_kernel
 from features.se2 import pose
 from features.sensor import sensor_preset
 from sim.sensing.lidar import Lidar
-from sim.worlds.built_in.room import room
+from sim.worlds.built_in.demo_room import room
 from slam.study.paper.timing_kernels import polar_line_literal
 
 PRESETS = {920: "rplidar-s1", 180: "sick-lms"}

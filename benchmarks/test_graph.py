@@ -5,7 +5,7 @@ import itertools
 import numpy as np
 import pytest
 
-from sim.run import room_run
+from sim import room_run
 from slam.config_file import load_config
 from slam.graph.incremental import LandmarkGraph
 from slam.graph.values import Observations

@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
-from features.extract import extract
+from features.extraction import extract
 from features.se2 import compose, pose
 from sim.sensing.lidar import Lidar
-from sim.worlds.built_in.room import room
+from sim.worlds.built_in.demo_room import room
 from slam.config import SlamConfig
 from slam.odometry.line_map import LineMap, walls_of_lines
 from slam.odometry.registration import register

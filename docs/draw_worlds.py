@@ -1,6 +1,6 @@
 """Draw the pictures of worlds.md: python docs/draw_worlds.py FOLDER; part of `make docs`.
 
-Each world is driven through and mapped by the commands that worlds.md names. The turtlebot3 house is drawn where the
+The commands that worlds.md names record a drive through each world and map it. The turtlebot3 house is drawn if the
 folder CWLF_DATA (default ../shared/data) holds it.
 """
 
@@ -22,7 +22,7 @@ WIDTH, COLORS = 860, 96
 
 
 def main() -> None:
-    """Draw everything; what is recorded and mapped on the way goes into the folder."""
+    """Draw all pictures; recordings and runs go into the folder."""
     folder = Path(sys.argv[1])
     PICTURES.mkdir(exist_ok=True)
     for name in ("apartment", "office-loop"):

@@ -25,13 +25,13 @@ def wrap_angle(angle: float) -> float: ...
 @overload
 def wrap_angle(angle: Array) -> Array: ...
 def wrap_angle(angle: float | Array) -> float | Array:
-    """Wrap an angle, or each angle of an array, to [-pi, pi) [rad]."""
+    """Wrap an angle, or each angle of an array, to [-pi, pi) [rad]; what is not finite becomes NaN."""
     if isinstance(angle, np.ndarray):
         wrapped = angle - TWO_PI * np.floor((angle + math.pi) / TWO_PI)
-        return np.where(wrapped < math.pi, wrapped, -math.pi)
-    wrapped = (angle + math.pi) % TWO_PI - math.pi
+        return np.where(wrapped >= math.pi, -math.pi, wrapped)
+    wrapped = (angle + math.pi) % TWO_PI - math.pi if math.isfinite(angle) else math.nan
     # The modulo of a number just below zero rounds up to the whole turn.
-    return wrapped if wrapped < math.pi else -math.pi
+    return -math.pi if wrapped >= math.pi else wrapped
 
 
 def _coordinates(pose_a_b: Pose) -> tuple[float, float, float]:

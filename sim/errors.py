@@ -1,7 +1,7 @@
-"""What a simulated world can get wrong."""
+"""Errors of the simulator."""
 
 from features.errors import CwlfError
 
 
 class WorldError(CwlfError):
-    """Walls or polygons that do not make a world."""
+    """A world that cannot be made or read, or through which a robot cannot drive."""

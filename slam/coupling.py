@@ -9,13 +9,13 @@ from slam.loop.closer import LoopCloser
 
 
 def merge(front: FrontEnd, graph: BackEnd) -> None:
-    """Merge landmarks that the filter takes for one in both."""
+    """Merge the landmarks that the filter finds to be one, in filter and graph."""
     for kept, other in front.merge():
         graph.merge(kept, other)
 
 
 def rebase(front: FrontEnd, graph: BackEnd) -> bool:
-    """Put the filter where the graph has the newest key frame; False where it cannot tell how certainly."""
+    """Move the filter to the pose of the newest key frame in the graph; False where its covariance is unknown."""
     cov = graph.newest_cov()
     if cov is None:
         return False
@@ -24,7 +24,7 @@ def rebase(front: FrontEnd, graph: BackEnd) -> bool:
 
 
 def close_loop(closer: LoopCloser, front: FrontEnd, graph: BackEnd) -> None:
-    """Look for a place seen before; where it is found the graph moves, and the filter with it."""
+    """Search for a place seen before; where one is found, correct the graph and then the filter."""
     closures = closer.find(graph.poses_world_robot)
     if not closures:
         return
@@ -35,7 +35,7 @@ def close_loop(closer: LoopCloser, front: FrontEnd, graph: BackEnd) -> None:
         return
     poses = graph.poses_world_robot
     for closure in closures:
-        # Where an earlier key frame closes the loop, the next look that finds the place near by does the rest.
+        # Where an earlier key frame closes the loop, the next search near by closes it at the newest one too.
         if closure.newer == len(graph) - 1:
             turn = np.eye(3)
             turn[:2, :2] = rotation(poses[closure.older, 2])

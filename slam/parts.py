@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from features.config import ExtractionConfig
-from features.extract import extract
+from features.extraction import extract
 from features.feature import Features
 from features.scan import LaserScan
 from features.se2 import Pose
@@ -37,7 +37,7 @@ class CwlfExtractor:
     rules: ExtractionConfig
 
     def __call__(self, scan: LaserScan, sensor: SensorModel) -> Features:
-        """See :func:`features.extract.extract`."""
+        """See :func:`features.extraction.extract`."""
         return extract(scan, sensor, self.rules)
 
 

@@ -41,13 +41,14 @@ class Slam:
     """EKF-SLAM on corners, with a factor graph behind it.
 
     Feed frames in the order of their stamps to :meth:`process`; :meth:`finish` solves the graph and returns the result.
-    The world frame is the odometry frame of the first record. Pickled and read back it goes on as if nothing had been.
+    The world frame is the odometry frame of the first record. A pickled object continues, once it is read back, as the
+    original would.
 
     Parameters
     ----------
     config : of all that comes with the project: what depends on the robot, the scanner or the building.
     rules : the numbers of the method itself, for a study of them.
-    extractor : another extractor of features than :func:`features.extract.extract`.
+    extractor : another extractor of features than :func:`features.extraction.extract`.
     associator : another association of corners and landmarks than :func:`slam.filter.association.associate`.
     back_end : makes another back-end, without key frames, than :class:`slam.graph.incremental.LandmarkGraph`.
 
@@ -95,7 +96,7 @@ class Slam:
 
     @property
     def trust(self) -> Trust:
-        """Whether anything speaks against the run so far, and what."""
+        """Whether there is a reason not to trust the run so far, and which."""
         return self._monitor.trust
 
     @property
@@ -110,7 +111,7 @@ class Slam:
 
     @property
     def filter(self) -> LandmarkEkf:
-        """The filter as it is now, to look at: of the pose at the last update and the landmarks near it."""
+        """The filter, for reading: the pose at the last update and the active landmarks."""
         return self._estimators.front_end.ekf
 
     @property
@@ -125,7 +126,7 @@ class Slam:
 
     @property
     def landmark_table(self) -> LandmarkTable:
-        """What is known of every landmark so far, to look at."""
+        """Everything that is known of each landmark so far, for reading."""
         return self._estimators.front_end.table
 
     @property
@@ -186,11 +187,11 @@ class Slam:
             return view_of_scan(self._without_motion(frame.scan), self._sensor, self._extractor)
 
     def _without_motion(self, scan: LaserScan) -> LaserScan:
-        """Undo the motion of the robot during a scan, where it is told to and the times of the beams are known."""
+        """Undo the motion of the robot during a scan, if it is configured and the times of the beams are known."""
         if not self.config.front_end.deskew:
             return scan
         records = self._records
-        # Without wheels the poses found so far tell how the robot moves.
+        # Without wheels the velocity comes from the poses found so far.
         poses = records.poses_map if self.config.odometry.source == "lines" else records.poses_odom
         return deskew_by_odometry(scan, self._sensor, records.stamps, poses)
 
@@ -230,7 +231,7 @@ class Slam:
         )
 
     def _update(self, view: View) -> tuple[Association, NDArray[np.int64]]:
-        """Move the filter to here, associate, update, give birth; also the landmark of each corner, -1 for none."""
+        """Predict, associate, update and add new landmarks; also the landmark of each corner, -1 for none."""
         front_end, since = self._estimators.front_end, self._estimators.since_update
         with self._clock.timed("front_end"):
             front_end.move(since.motion, since.motion_cov)
@@ -243,7 +244,7 @@ class Slam:
             return association, landmarks
 
     def _add_key_frame(self, view: View, landmarks: NDArray[np.int64]) -> None:
-        """Hand the frame to the graph, and to all that goes by key frames."""
+        """Add a key frame to the graph, the line map, the loop closer and the landmark table."""
         estimators = self._estimators
         front_end, odometry, since = estimators.front_end, estimators.odometry, estimators.since_key_frame
         with self._clock.timed("back_end"):
@@ -262,7 +263,7 @@ class Slam:
             self._key_frames.append(KeyFrame.of(len(self._records) - 1, view, self._sensor))
 
     def _close_loop(self, view: View) -> None:
-        """Where the newest key frame shows what was seen long ago, take the filter to where the graph has it."""
+        """Search for a loop closure at the newest key frame; after one, move the filter to the pose in the graph."""
         front_end = self._estimators.front_end
         if view.scan is None:
             if front_end.returned:
@@ -274,7 +275,7 @@ class Slam:
     def finish(self, *, interrupted: bool = False) -> SlamResult:
         """Solve the graph and put the result together; ``interrupted`` is noted in the metrics.
 
-        Where the graph has no unique solution the filter's poses and landmarks stand, and a warning says so.
+        Where the graph has no unique solution, the result is that of the filter, and a warning says so.
 
         Raises
         ------
@@ -292,7 +293,7 @@ class Slam:
     def _solve(self) -> Solution:
         """Solve the graph as it grew; where no observation has a signature or an identity, one by all that was seen.
 
-        One that looks like any other is told apart by what is seen later, which the filter could not wait for.
+        A landmark that looks like any other is identified by later observations, for which the filter could not wait.
         """
         graph, table, max_iterations = self._graph, self.landmark_table, self.config.back_end.max_iterations
         if len(self._unidentified) == len(self._key_frames):

@@ -46,7 +46,7 @@ class View:
 
 
 class Extractor(Protocol):
-    """Finds the features of a scan; :func:`features.extract.extract` with its rules is the one that comes along."""
+    """Finds the features of a scan; :func:`features.extraction.extract` with its rules is the one that comes along."""
 
     def __call__(self, scan: LaserScan, sensor: SensorModel) -> Features:
         """Lines and corners of a scan, sensor frame, with covariances that follow from the noise of the sensor."""

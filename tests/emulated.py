@@ -3,9 +3,9 @@
 from drivers.rplidar import Answer, ScanStream
 from drivers.rplidar.protocol.requests import express_scan, motor_speed
 from sim.emulator import MODELS, Device, Scene
+from sim.scenarios import site_run
 from sim.sensing.lidar import Lidar
-from sim.site_run import site_run
-from sim.worlds.sites import find_site
+from sim.worlds.catalogue import find_site
 
 
 def emulated_device(world: str = "room", seed: int = 1) -> Device:

@@ -4,12 +4,12 @@ import math
 
 import numpy as np
 
-from features.extract import extract
+from features.extraction import extract
 from features.scan import LaserScan
 from features.sensor import SensorModel
+from sim import SimulatedRun
 from sim.motion.odometry import WheelOdometry
 from sim.motion.robot import Robot
-from sim.run import SimulatedRun
 from sim.sensing.lidar import Lidar
 from sim.worlds.world import World
 from slam.config import SlamConfig

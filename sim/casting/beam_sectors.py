@@ -1,4 +1,5 @@
-"""The beams of one scan, sorted into sectors of the turn, and the walls laid on them."""
+# pyright: standard
+"""The beams of one scan, sorted into sectors of the full turn, and the walls that they hit."""
 
 import math
 
@@ -7,27 +8,29 @@ import numpy as np
 from features.compiled import inner
 
 BEAMS_PER_SECTOR = 4
-"""In a full turn, on average: with more, more beams are tried in vain at the ends of walls; with fewer, there are more
-sectors to sort into."""
+"""Average number of beams in a sector: with more, more beams beyond the ends of a wall are tried in vain; with fewer,
+there are more sectors to sort into."""
 
 MAX_SECTORS = 4096
+"""Bound of the table of sectors, which is cleared for each scan; it suffices for 16,384 beams in a full turn."""
 
 BLOCK = 8
-"""Beams that stand next to each other once sorted and share one entry for the farthest of them; a power of two."""
+"""Consecutive sorted beams that share one entry for the farthest of them: as many as fill one or two vector registers
+with doubles; a power of two."""
 
 _WHOLE = ~np.uint64(BLOCK - 1)
 """Mask that rounds a slot down to the first one of its block."""
 
 _MARGIN = 1e-6
-"""Widens what a wall or box covers, so that rounding never keeps a beam from being tried [turns]."""
+"""The sectors of a wall or box are widened by this, so that rounding never excludes a beam that hits it [turns]."""
 
 SLACK = 1.0 - 1e-9
-"""What is nearer than this share of its squared distance allows is not hidden by rounding alone."""
+"""Factor on a squared distance before it is compared with squared ranges, so that rounding alone never hides a wall."""
 
 
 @inner()
 def sector_count(beams):
-    """Sectors, a power of two, for this many beams."""
+    """Return the number of sectors, a power of two, for this many beams."""
     sectors = 16
     while sectors * BEAMS_PER_SECTOR < beams and sectors < MAX_SECTORS:
         sectors *= 2
@@ -36,10 +39,10 @@ def sector_count(beams):
 
 @inner()
 def sort_beams(cosines, sines, sorted_cosines, sorted_sines, slots, firsts):
-    """Sort beams by sector, by counting, and keep their order within one.
+    """Sort beams by sector with a counting sort, which keeps their order within a sector.
 
-    Fills ``sorted_cosines``, ``sorted_sines``, the slot that each beam went to, shape (n,), and the first slot of each
-    sector, shape (sectors + 2,); the last but one ends the last sector.
+    It fills ``sorted_cosines``, ``sorted_sines``, ``slots`` with the sorted place of each beam, shape (n,), and
+    ``firsts`` with the first slot of each sector, shape (sectors + 2,); the last but one entry ends the last sector.
     """
     sectors = firsts.size - 2
     for i in range(slots.size):
@@ -62,7 +65,7 @@ def sort_beams(cosines, sines, sorted_cosines, sorted_sines, slots, firsts):
 
 @inner()
 def wall_sectors(ax, ay, bx, by, sectors):
-    """First and last sector, counter-clockwise, of the wall from a to b as seen from the origin."""
+    """Return the first and last sector, counter-clockwise, that the wall from a to b covers as seen from the origin."""
     turn_a, turn_b = _turn(ax, ay), _turn(bx, by)
     if ax * by < ay * bx:
         turn_a, turn_b = turn_b, turn_a
@@ -71,7 +74,10 @@ def wall_sectors(ax, ay, bx, by, sectors):
 
 @inner()
 def box_sectors(x_min, y_min, x_max, y_max, sectors):
-    """First and last sector, counter-clockwise, of a box that does not hold the origin: those of its outer corners."""
+    """Return the first and last sector, counter-clockwise, that a box covers which does not contain the origin.
+
+    They are the sectors of the two corners of its silhouette.
+    """
     left, right = x_max < 0.0, x_min > 0.0
     below, above = y_max < 0.0, y_min > 0.0
     ax = x_max if above or (left and not below) else x_min
@@ -83,7 +89,7 @@ def box_sectors(x_min, y_min, x_max, y_max, sectors):
 
 @inner()
 def hidden(firsts, far, first, last, distance):
-    """Whether no beam from the first sector to the last reaches a squared distance [m^2]."""
+    """Whether all beams from the first sector to the last end before a squared distance [m^2]."""
     if first > last:
         if not _hidden_slots(far, firsts[first], firsts[firsts.size - 2], distance):
             return False
@@ -93,7 +99,7 @@ def hidden(firsts, far, first, last, distance):
 
 @inner()
 def _hidden_slots(far, begin, end, distance):
-    """Whether no beam in the slots ``begin <= k < end`` reaches a squared distance [m^2]."""
+    """Whether all beams in the slots ``begin <= k < end`` end before a squared distance [m^2]."""
     if begin == end:
         return True
     first, last = _blocks(begin, end)
@@ -105,16 +111,17 @@ def _hidden_slots(far, begin, end, distance):
 
 @inner()
 def _blocks(begin, end):
-    """First block of the slots ``begin <= k < end``, and the one after their last; unsigned, as indices of loops."""
+    """Return the first block of the slots ``begin <= k < end`` and the one after the last; unsigned to index loops."""
     return np.uint64(begin) // np.uint64(BLOCK), (np.uint64(end) + np.uint64(BLOCK - 1)) // np.uint64(BLOCK)
 
 
 @inner()
-def lay(cosines, sines, ranges, hits, far, begin, end, ax, ay, bx, by, wall):
-    """Try a wall on all beams of the blocks that hold the slots ``begin <= k < end``, and keep what is nearer.
+def try_wall(cosines, sines, ranges, hits, far, begin, end, ax, ay, bx, by, wall):
+    """Intersect a wall with the beams of the blocks that contain the slots ``begin <= k < end``; keep the nearer hits.
 
-    ``far`` holds the squared range of the farthest beam of each block [m^2]. Unsigned indices, no branch and a whole
-    number of blocks: so the compiler makes vector code of the loop, with little left over.
+    It updates ``ranges`` [m], ``hits`` (numbers of walls), and ``far``, the squared range of the farthest beam of each
+    block [m^2]. Indices are unsigned, the loop has no branch and covers whole blocks, so that the compiler makes vector
+    code of it with little remainder.
     """
     for i in range(np.uint64(begin) & _WHOLE, (np.uint64(end) + np.uint64(BLOCK - 1)) & _WHOLE):
         hit = hit_range(cosines[i], sines[i], ax, ay, bx, by)
@@ -133,7 +140,7 @@ def lay(cosines, sines, ranges, hits, far, begin, end, ax, ay, bx, by, wall):
 
 @inner()
 def hit_range(c, s, ax, ay, bx, by):
-    """Range at which a beam from the origin in direction (c, s) hits the wall from a to b [m]; inf if it does not."""
+    """Return the range at which a beam from the origin in direction (c, s) hits the wall from a to b [m]; else inf."""
     side_a, side_b = c * ay - s * ax, c * by - s * bx
     along_a, along_b = c * ax + s * ay, c * bx + s * by
     share = side_a / (side_a - side_b)
@@ -146,9 +153,10 @@ def hit_range(c, s, ax, ay, bx, by):
 
 @inner()
 def _turn(x, y):
-    """Direction of (x, y) as a share of the turn, from -y on, 0 to 1; of the square |x| + |y| = 1, not of a circle.
+    """Return the direction of (x, y) as a fraction of the turn, counter-clockwise from -y, 0 to 1.
 
-    It grows with the angle, which is all that sorting needs, at the price of one division.
+    The fraction is measured along the square |x| + |y| = 1 instead of a circle: it grows with the angle, which is all
+    that sorting needs, and costs one division.
     """
     height = y / (abs(x) + abs(y))
     return 0.25 * (1.0 + height if x >= 0.0 else 3.0 - height)

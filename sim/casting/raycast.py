@@ -1,12 +1,15 @@
-"""Exact ranges to the walls around one or many sensors.
+# pyright: standard
+"""Exact ranges from one or many sensors to the walls around them.
+
+These rules decide what a beam hits:
 
 - A beam through a vertex hits: walls that share a vertex exactly leave no gap between them.
 - A beam along a wall hits its nearer end.
 - Of walls that a beam hits at the same range, the one of the lowest number is hit.
 - A wall has no thickness and no inside: it is hit from either side, and a sensor within a closed polygon sees it from
   within.
-- A sensor on a wall (:data:`ON_WALL`) is covered by it, whichever way it looks: every range is 0. Of several walls it
-  is the one of the lowest number.
+- A sensor on a wall (:data:`ON_WALL`) is covered by it in every direction: every range is 0. Of several such walls, the
+  one of the lowest number is hit.
 """
 
 import numpy as np
@@ -21,32 +24,33 @@ from sim.casting.beam_sectors import (
     box_sectors,
     hidden,
     hit_range,
-    lay,
     sector_count,
     sort_beams,
+    try_wall,
     wall_sectors,
 )
 from sim.casting.sincos import MAX_ANGLE, sincos
 from sim.casting.wall_index import WallIndex
 
 ON_WALL = 1e-9
-"""A sensor nearer to a wall than this stands on it [m]."""
+"""A sensor nearer to a wall than this is on it [m]: far above the rounding of coordinates of a kilometre (1e-13 m), far
+below any distance that matters."""
 
 _STACK = 64
-"""Depth of a tree of 2^62 leaves."""
+"""Size of the stack of nodes still to visit: enough for a tree of 2^62 leaves, deeper than memory allows."""
 
 WallIds = npt.NDArray[np.int64]
 
 
-def cast_fans(index: WallIndex, poses_world_sensor: Array, angles: Array) -> tuple[Array, WallIds]:
-    """Range to the nearest wall along each beam of a scan from each pose.
+def cast_scans(index: WallIndex, poses_world_sensor: Array, angles: Array) -> tuple[Array, WallIds]:
+    """Cast one scan, the same beams, from each of many poses.
 
-    The tree is walked from the near to the far. A box or wall is left out where every beam that could reach it ends
-    before it, so that walls that cannot be seen cost next to nothing.
+    The tree is traversed from near to far. A box or wall is skipped where every beam towards it already ends before it,
+    so that hidden walls cost next to nothing.
 
     Parameters
     ----------
-    index : the walls.
+    index : tree of the walls.
     poses_world_sensor : shape (m, 3) [m, m, rad].
     angles : direction of each beam, in any order, sensor frame, shape (k,) [rad].
 
@@ -58,35 +62,36 @@ def cast_fans(index: WallIndex, poses_world_sensor: Array, angles: Array) -> tup
     Raises
     ------
     ValueError
-        A shape is another, a value is not finite, or a beam points beyond 1e6 rad.
+        A shape is wrong, a value is not finite, or the direction of a beam is beyond 1e6 rad.
     """
     poses = np.ascontiguousarray(poses_world_sensor, dtype=np.float64)
     angles = np.ascontiguousarray(angles, dtype=np.float64)
     if poses.ndim != 2 or poses.shape[1] != 3 or angles.ndim != 1:
         raise ValueError(f"expected poses of shape (m, 3) and angles of (k,), got {poses.shape} and {angles.shape}")
-    ranges, wall_ids, usable = _cast_fans(*index, poses, angles)
+    ranges, wall_ids, usable = _cast_scans(*index, poses, angles)
     if not usable:
-        raise ValueError(f"poses and angles must be finite, and no beam beyond {MAX_ANGLE:g} rad")
+        raise ValueError(f"poses and angles must be finite, and no direction beyond {MAX_ANGLE:g} rad")
     return ranges, wall_ids
 
 
 def cast_beams(index: WallIndex, poses_world_sensor: Array, angles: Array) -> tuple[Array, WallIds]:
-    """Range to the nearest wall along single beams, each from a pose of its own.
+    """Cast single beams, each from a pose of its own.
 
     Parameters
     ----------
-    index : the walls.
+    index : tree of the walls.
     poses_world_sensor : pose of the sensor at each beam, shape (k, 3) [m, m, rad].
     angles : direction of each beam, sensor frame, shape (k,) [rad].
 
     Returns
     -------
-    ranges, wall_ids : as of :func:`cast_fans`, shape (k,).
+    ranges : shape (k,) [m]; inf where no wall is hit.
+    wall_ids : number of the wall that is hit, shape (k,); -1 where none is.
 
     Raises
     ------
     ValueError
-        A shape is another, a value is not finite, or a beam points beyond 1e6 rad.
+        A shape is wrong, a value is not finite, or the direction of a beam is beyond 1e6 rad.
     """
     poses = np.ascontiguousarray(poses_world_sensor, dtype=np.float64)
     angles = np.ascontiguousarray(angles, dtype=np.float64)
@@ -94,13 +99,13 @@ def cast_beams(index: WallIndex, poses_world_sensor: Array, angles: Array) -> tu
         raise ValueError(f"expected poses of shape (k, 3) and angles of (k,), got {poses.shape} and {angles.shape}")
     ranges, wall_ids, usable = _cast_beams(*index, poses, poses[:, 2] + angles)
     if not usable:
-        raise ValueError(f"poses and angles must be finite, and no beam beyond {MAX_ANGLE:g} rad")
+        raise ValueError(f"poses and angles must be finite, and no direction beyond {MAX_ANGLE:g} rad")
     return ranges, wall_ids
 
 
 @inner()
 def _push_children(boxes, node, x, y, stack, near, depth):
-    """Push both children with their squared distances, the nearer one on top; the new depth of the stack."""
+    """Push both children with their squared distances, the nearer one on top; return the new depth of the stack."""
     left, right = 2 * node + 1, 2 * node + 2
     near_left, near_right = _box_distance(boxes, left, x, y), _box_distance(boxes, right, x, y)
     if near_left < near_right:
@@ -112,8 +117,8 @@ def _push_children(boxes, node, x, y, stack, near, depth):
 
 
 @inner()
-def _meets(boxes, node, x, y, c, s):
-    """Whether a box, widened by a little more than rounding, meets the beam from (x, y) in direction (c, s)."""
+def _hit_box(boxes, node, x, y, c, s):
+    """Whether the beam from (x, y) in direction (c, s) hits a box, which is widened by a little more than rounding."""
     half_x, half_y = 0.5 * (boxes[node, 2] - boxes[node, 0]), 0.5 * (boxes[node, 3] - boxes[node, 1])
     dx, dy = boxes[node, 0] + half_x - x, boxes[node, 1] + half_y - y
     slack = 2.0 * ON_WALL + 1e-12 * (abs(dx) + abs(dy) + half_x + half_y)
@@ -125,7 +130,7 @@ def _meets(boxes, node, x, y, c, s):
 
 @inner()
 def _box_distance(boxes, node, x, y):
-    """Squared distance of a point to a box [m^2]."""
+    """Return the squared distance of a point to a box [m^2]."""
     dx = max(boxes[node, 0] - x, 0.0, x - boxes[node, 2])
     dy = max(boxes[node, 1] - y, 0.0, y - boxes[node, 3])
     return dx * dx + dy * dy
@@ -133,7 +138,7 @@ def _box_distance(boxes, node, x, y):
 
 @inner()
 def _squared_distance(ax, ay, bx, by):
-    """Squared distance of the wall from a to b to the origin [m^2]."""
+    """Return the squared distance of the wall from a to b to the origin [m^2]."""
     ex, ey = bx - ax, by - ay
     share = min(1.0, max(0.0, -(ax * ex + ay * ey) / (ex * ex + ey * ey)))
     dx, dy = ax + share * ex, ay + share * ey
@@ -141,14 +146,14 @@ def _squared_distance(ax, ay, bx, by):
 
 
 @kernel(f8[:, ::1], i8[::1], f8[:, ::1], i8[::1], READ_ONLY_ROWS, READ_ONLY)
-def _cast_fans(boxes, bounds, walls, ids, poses, angles):
+def _cast_scans(boxes, bounds, walls, ids, poses, angles):
     n = angles.size
     all_ranges = np.empty((len(poses), n))
     all_ids = np.empty((len(poses), n), np.int64)
     sectors = sector_count(n)
     cosines, sines = np.empty(n), np.empty(n)
     blocks = (n + BLOCK - 1) // BLOCK
-    # What fills up the last block has no direction: it hits nothing, and is never the farthest.
+    # The entries that pad the last block have no direction: they hit nothing, and are never the farthest.
     sorted_cosines, sorted_sines = np.zeros(BLOCK * blocks), np.zeros(BLOCK * blocks)
     ranges, hits = np.empty(BLOCK * blocks), np.empty(BLOCK * blocks, np.int64)
     slots = np.empty(n, np.uint32)
@@ -164,7 +169,7 @@ def _cast_fans(boxes, bounds, walls, ids, poses, angles):
         ranges[:n] = np.inf
         ranges[n:] = -1.0
         hits[:] = -1
-        under = -1
+        covering = -1
         depth = 1
         stack[0], near[0] = 0, 0.0
         while depth > 0:
@@ -184,19 +189,21 @@ def _cast_fans(boxes, bounds, walls, ids, poses, angles):
                 ax, ay, bx, by = walls[k, 0] - x, walls[k, 1] - y, walls[k, 2] - x, walls[k, 3] - y
                 distance = _squared_distance(ax, ay, bx, by)
                 if distance <= ON_WALL * ON_WALL:
-                    under = ids[k] if under < 0 else min(under, ids[k])
+                    covering = ids[k] if covering < 0 else min(covering, ids[k])
                     continue
                 first, last = wall_sectors(ax, ay, bx, by, sectors)
                 if hidden(firsts, far, first, last, distance):
                     continue
                 begin, end = firsts[first], firsts[last + np.uint32(1)]
                 if first > last:
-                    lay(sorted_cosines, sorted_sines, ranges, hits, far, begin, np.uint32(n), ax, ay, bx, by, ids[k])
+                    try_wall(
+                        sorted_cosines, sorted_sines, ranges, hits, far, begin, np.uint32(n), ax, ay, bx, by, ids[k]
+                    )
                     begin = np.uint32(0)
-                lay(sorted_cosines, sorted_sines, ranges, hits, far, begin, end, ax, ay, bx, by, ids[k])
+                try_wall(sorted_cosines, sorted_sines, ranges, hits, far, begin, end, ax, ay, bx, by, ids[k])
         for i in range(n):
-            all_ranges[row, i] = ranges[slots[i]] if under < 0 else 0.0
-            all_ids[row, i] = hits[slots[i]] if under < 0 else under
+            all_ranges[row, i] = ranges[slots[i]] if covering < 0 else 0.0
+            all_ids[row, i] = hits[slots[i]] if covering < 0 else covering
     return all_ranges, all_ids, True
 
 
@@ -217,7 +224,7 @@ def _cast_beams(boxes, bounds, walls, ids, poses, directions):
         while depth > 0:
             depth -= 1
             node = stack[depth]
-            if near[depth] * SLACK > ranges[i] * ranges[i] + ON_WALL * ON_WALL or not _meets(boxes, node, x, y, c, s):
+            if near[depth] * SLACK > ranges[i] * ranges[i] + ON_WALL * ON_WALL or not _hit_box(boxes, node, x, y, c, s):
                 continue
             leaf = node - (bounds.size - 2)
             if leaf < 0:

@@ -1,3 +1,4 @@
+# pyright: standard
 """Cosine and sine of many directions at once."""
 
 import numpy as np
@@ -6,21 +7,24 @@ from numba import f8
 from features.compiled import READ_ONLY, kernel
 
 MAX_ANGLE = 1e6
-"""The reduction to the first octant is exact below this [rad]."""
+"""Angles stay below this [rad], so that the reduction to [-pi/4, pi/4] is exact: fewer than 2^20 quarter turns."""
 
 _QUARTERS_PER_RADIAN = 2.0 / np.pi
 _QUARTER_1 = 1.57079632673412561417e00
 _QUARTER_2 = 6.07710050630396597660e-11
 _QUARTER_3 = 2.02226624879595063154e-21
-"""pi / 2 in three parts; the first two have 33 bits: their products with a whole number below 2^20 are exact."""
+"""pi / 2 in three parts (of fdlibm); the first two have 33 bits, so that their products with a whole number below 2^20
+are exact."""
 
 
 @kernel(READ_ONLY, f8, f8[::1], f8[::1])
 def sincos(angles, offset, cosines, sines):
-    """Fill cosine and sine of ``angles + offset``, each within two units of its last place; True if all were in limits.
+    """Fill ``cosines`` and ``sines`` of ``angles + offset``; return whether all angles are within :data:`MAX_ANGLE`.
+
+    Each value is within two units in the last place.
 
     Cody-Waite reduction by quarters of a turn, then the minimax polynomials of fdlibm (``k_sin.c``, ``k_cos.c``) for
-    [-pi/4, pi/4]. There is no branch: the compiler turns the loop into vector code, which libm's functions prevent.
+    [-pi/4, pi/4]. The loop has no branch and no call of libm, so that the compiler makes vector code of it.
     """
     outside = 0
     for i in range(angles.size):

@@ -1,4 +1,4 @@
-"""A tree of boxes over walls, built once, so that a cast meets only the walls near its beams."""
+"""A tree of bounding boxes over walls, built once for a world, so that a cast tests only the walls near its beams."""
 
 from typing import NamedTuple, Self
 
@@ -8,11 +8,12 @@ import numpy.typing as npt
 from features.se2 import Array
 
 LEAF = 8
-"""Walls in a leaf at most."""
+"""Largest number of walls in a leaf: with fewer, the tree has more boxes to test; with more, more walls are tested in
+vain."""
 
 
 class WallIndex(NamedTuple):
-    """A complete binary tree of boxes, laid out as a heap: the children of node k are 2 k + 1 and 2 k + 2.
+    """A complete binary tree of bounding boxes, stored as a heap: the children of node k are 2 k + 1 and 2 k + 2.
 
     Parameters
     ----------
@@ -31,7 +32,7 @@ class WallIndex(NamedTuple):
     def of(cls, walls: Array, kept: npt.NDArray[np.bool_] | None = None) -> Self:
         """Build the tree over walls, shape (n, 4), world frame [m], or over those that are ``kept``, shape (n,).
 
-        Each node is halved at the median of the middles of its walls, along the longer side of their extent.
+        The walls of each node are halved at the median of their midpoints, along the longer side of their extent.
         """
         numbers = np.arange(len(walls)) if kept is None else np.flatnonzero(kept)
         n = len(numbers)
@@ -53,5 +54,9 @@ class WallIndex(NamedTuple):
 
 
 def _bounds(n: int, level: int) -> npt.NDArray[np.int64]:
-    """Bounds of the walls of each node of a level, shape (2^level + 1,); those of a parent are among its children's."""
-    return (np.arange(2**level + 1) * n) >> level
+    """Return the bounds of the walls of each node of a level, shape (2^level + 1,).
+
+    The bounds of a level are among those of the level below.
+    """
+    parts = np.arange(2**level + 1, dtype=np.int64)
+    return parts * n >> level

@@ -1,4 +1,8 @@
-"""An RPLIDAR that is not there: the other end of a serial line, its samples taken from the simulator."""
+"""An emulator of RPLIDAR scanners: it answers the serial protocol with samples from the simulator.
+
+The room promises bytes as a real scanner sends them, reproducible from a seed, and exact counts of what its faults
+destroyed. It may import the rooms of sensing, motion, worlds and casting.
+"""
 
 from sim.emulator.device import Device
 from sim.emulator.faults import FAULTS

@@ -1,4 +1,4 @@
-"""What the emulated devices answer to GET_LIDAR_CONF."""
+"""Answers of the emulated devices to GET_LIDAR_CONF."""
 
 import struct
 
@@ -6,15 +6,16 @@ from drivers.rplidar import Conf, pack_conf
 from sim.emulator.models import DEFAULT_PWM, DEFAULT_RPM, HIGHEST_RPM, LOWEST_RPM, Model
 
 _ROTATION, _LOWEST_ROTATION, _HIGHEST_ROTATION = 0x01, 0x04, 0x05
+"""Types of the values about the rotation, which the driver does not ask for."""
 
 
 def conf_answer(model: Model, payload: bytes) -> bytes:
-    """Content of the answer; the type asked for and nothing behind it where the device does not know the value.
+    """Return the content of the answer: the type of the value and the value, or the type alone where it is unknown.
 
     Parameters
     ----------
-    model : that is asked.
-    payload : of the request: the type, and the id of a mode where the value is one of a mode.
+    model : the emulated model.
+    payload : payload of the request: the type of the value, and the id of a mode where the value belongs to a mode.
     """
     kind = int.from_bytes(payload[:4], "little")
     numbers = {

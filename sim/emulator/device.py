@@ -1,4 +1,4 @@
-"""An emulated RPLIDAR: requests go in and bytes come out, each at a time of the device's own clock."""
+"""An emulated RPLIDAR: it takes requests and returns bytes, each with a time of its own clock."""
 
 import math
 import struct
@@ -27,33 +27,34 @@ from sim.emulator.scene import Scene
 from sim.emulator.stream import ScanStream
 
 REQUEST_TIME = 5.0
-"""A request whose bytes take longer is dropped [s]."""
+"""A request is dropped when its bytes take longer than this [s], as the protocol states."""
 
 LATENCY = 1e-3
-"""From a request to the first byte of its answer [s]."""
+"""Time from a request to the first byte of its answer [s], assumed."""
 
 _ERROR_CODE = 0x8001
+"""Error code in protection stop, assumed: the protocol does not define the codes."""
 
 
 class Device:
-    """State machine of a scanner: idle, scanning, in protection stop, booting, or without power.
+    """An emulated scanner as a state machine: idle, scanning, in protection stop, booting, or without power.
 
-    All times are of the device's clock, which begins at zero. What comes out is a function of the arguments and of the
-    requests with their times; nothing here waits. The robot that carries the scanner departs with the first sample.
+    All times are those of the clock of the device, which starts at zero. The output is a function of the arguments and
+    of the requests with their times; no method waits. The robot that carries the scanner departs with the first sample.
 
     Parameters
     ----------
-    model : of the scanner.
-    scene : what it sees.
-    seed : of all that is random.
-    faults : names of those that are on.
+    model : model of the scanner.
+    scene : the world around the scanner and its motion.
+    seed : seed of all randomness.
+    faults : names of the faults that are switched on.
 
     Attributes
     ----------
-    ledger : what was sent, and what the faults destroyed.
-    baud : rate of the line.
-    departure : when the robot left [s]; None before.
-    away_until : when a cable that was pulled out is in again [s]; None while it is in.
+    ledger : counts of what was sent, and of what the faults destroyed.
+    baud : baud rate of the line.
+    departure : time at which the robot departed [s]; None before.
+    away_until : time at which an unplugged cable is plugged in again [s]; None while it is plugged in.
 
     Raises
     ------
@@ -67,7 +68,7 @@ class Device:
         self._faults = Faults(faults, int(fault_seed))
         self.baud = model.baud
         if "wrong-baud" in self._faults:
-            # A faster line carries the samples too; above the fastest there is none.
+            # A faster line can carry the samples too; the fastest model gets the next slower rate.
             faster = [baud for baud in BAUDS if baud > model.baud] or [BAUDS[-2]]
             self.baud = int(self._faults.rng["wrong-baud"].choice(faster))
         self.ledger = Ledger()
@@ -91,15 +92,18 @@ class Device:
 
     @property
     def next_time(self) -> float:
-        """When the next bytes arrive at the host [s]; inf where none will without a request."""
+        """Time at which the next bytes arrive at the host [s]; inf where none arrive without a request."""
         while self._stream is not None and not self._line:
             for packet in self._stream.block():
                 self._line.send_packet(packet, self._mode.answer, counted=self._counted)
         return self._line.next_time
 
     def read(self, until: float, baud: int | None = None) -> bytes:
-        """Bytes that have arrived at the host by a time [s], at the rate it listens with; None is the right one."""
-        parts = []
+        """Return the bytes that arrive at the host up to a time [s].
+
+        ``baud`` is the baud rate of the host, None for that of the device; at a wrong rate the bytes are random.
+        """
+        parts: list[bytes] = []
         while self.away_until is None and self.next_time <= until:
             parts.append(self._take()[1])
         data = b"".join(parts)
@@ -108,12 +112,19 @@ class Device:
         return data
 
     def chunks(self, until: float) -> Iterator[tuple[float, bytes]]:
-        """Yield what arrives at the host up to a time, piece by piece, each with its own time [s]."""
+        """Yield the pieces of data that arrive at the host up to a time [s], each with its own time [s]."""
         while self.away_until is None and self.next_time <= until:
             yield self._take()
 
     def write(self, data: bytes, time: float, baud: int | None = None) -> None:
-        """Take in bytes of the host at a time [s], not before that of the last read, sent at a rate."""
+        """Take bytes from the host.
+
+        Parameters
+        ----------
+        data : the bytes.
+        time : when they arrive [s]; not before the time of the last read.
+        baud : baud rate of the host, None for that of the device; at a wrong rate the bytes are ignored.
+        """
         if self.away_until is not None or (baud is not None and baud != self.baud) or time < self._deaf_until:
             return
         if time > self._last_heard + REQUEST_TIME:
@@ -123,17 +134,17 @@ class Device:
             self._handle(request, time)
 
     def plug_in(self) -> None:
-        """Power up again after a cable was pulled out."""
+        """Power up again after the cable was unplugged."""
         assert self.away_until is not None
         self._power_up(self.away_until)
         self.away_until = None
 
     def end(self, time: float) -> None:
-        """Close the books at a time [s]: a scan that still goes on ends there."""
+        """Complete the ledger at a time [s]: a scan in progress ends there."""
         self._end_scan("stop", time)
 
     def _take(self) -> tuple[float, bytes]:
-        """Next bytes, unless something happens before they arrive."""
+        """Take the next bytes off the line; return none if a fault strikes before they arrive."""
         time = self._line.next_time
         if self._stream is not None and self._counted:
             if self._faults.strikes("unplug", time):
@@ -149,7 +160,7 @@ class Device:
         return self._line.take()
 
     def _now(self, time: float) -> float:
-        """When a command reaches the motor: not before the samples that have been taken ahead of time [s]."""
+        """Return when a command reaches the motor [s]: not before the samples that were already computed in advance."""
         ahead = self._made_until if self._stream is None else self._stream.next_sample
         return max(time, ahead, self._rotor.since)
 
@@ -170,12 +181,12 @@ class Device:
         self._deaf_until = self._line.send(banner, time + silence) if banner else time + silence
 
     def _handle(self, request: Request, time: float) -> None:
-        """Do what a request asks for; one that comes during the answer to another is discarded."""
+        """Execute a request; one that arrives during the answer to another is discarded."""
         if time < self._busy_until:
             return
         command, payload = request.command, request.payload
         if command in {Command.MOTOR_SPEED, Command.SET_MOTOR_PWM}:
-            self._turn(command, payload, time)
+            self._command_motor(command, payload, time)
             return
         stale = self._end_scan("stop", time)
         if stale:
@@ -184,17 +195,17 @@ class Device:
             case Command.RESET:
                 self._reset(time)
             case Command.SCAN | Command.FORCE_SCAN:
-                self._begin(self.model.modes[0], time, force=command is Command.FORCE_SCAN)
+                self._start_scan(self.model.modes[0], time, force=command is Command.FORCE_SCAN)
             case Command.EXPRESS_SCAN:
                 if len(payload) == 5 and payload[0] < len(self.model.modes):
-                    self._begin(self.model.modes[payload[0]], time, force=False)
+                    self._start_scan(self.model.modes[payload[0]], time, force=False)
             case _:
                 if (answer := self._answer(command, payload)) is not None:
                     kind, content = answer
                     self._send(Descriptor(len(content), multiple=False, kind=kind).pack() + content, time)
 
     def _answer(self, command: Command, payload: bytes) -> tuple[Answer, bytes] | None:
-        """Type and content of a single answer; None where there is none."""
+        """Return the type and the content of a single answer; None where the request has no answer."""
         match command:
             case Command.GET_INFO:
                 return Answer.INFO, self.model.info.pack()
@@ -210,7 +221,7 @@ class Device:
             case _:
                 return None
 
-    def _begin(self, mode: Mode, time: float, *, force: bool) -> None:
+    def _start_scan(self, mode: Mode, time: float, *, force: bool) -> None:
         if self._stopped:
             return
         self._counted = True
@@ -218,7 +229,7 @@ class Device:
         self._scan(mode, time, force=force)
 
     def _scan(self, mode: Mode, time: float, *, force: bool) -> None:
-        """Scan as soon as the rotation is stable, or at once if forced."""
+        """Start to scan when the rotation is stable, or at once if forced."""
         if self.model.motor is Motor.RPM:
             self._rotor.command(self._rpm / 60.0, self._now(time))
         self._asked, self._mode = (mode, force), mode
@@ -239,13 +250,13 @@ class Device:
             self.departure = start
 
         def measure(angles_clockwise: Array, times: Array) -> Array:
-            way = times - (self.departure if self.departure is not None else math.inf)
-            return self._scene.ranges(angles_clockwise, way, mode.max_distance, rng)
+            driven = times - (self.departure if self.departure is not None else math.inf)
+            return self._scene.ranges(angles_clockwise, driven, mode.max_distance, rng)
 
         self._stream = ScanStream(mode, start, self.baud, self._rotor, measure, self._faults)
 
     def _end_scan(self, cause: str, time: float) -> bytes:
-        """End the scan; return what of it still comes before the next answer."""
+        """End the scan; return those of its bytes that the host still receives before the next answer."""
         stream, self._asked, self._stream = self._stream, None, None
         if self.model.motor is Motor.RPM:
             self._rotor.command(0.0, self._now(time))
@@ -258,8 +269,8 @@ class Device:
         stale = "stale-samples" in self._faults
         return self._line.cut(int(self._faults.rng["stale-samples"].integers(1, 400)) if stale else 0)
 
-    def _turn(self, command: Command, payload: bytes, time: float) -> None:
-        """Obey a motor command, if it is one for this model."""
+    def _command_motor(self, command: Command, payload: bytes, time: float) -> None:
+        """Execute a motor command, if this model has it."""
         if len(payload) != 2:
             return
         (value,) = struct.unpack("<H", payload)

@@ -1,4 +1,4 @@
-"""What can go wrong with a scanner on a serial line, each at random times of its own."""
+"""Faults of a scanner on a serial line, each kind at random times of its own."""
 
 import math
 from collections.abc import Iterable, Mapping
@@ -8,31 +8,33 @@ import numpy as np
 
 FAULTS: Mapping[str, tuple[float, str]] = MappingProxyType(
     {
-        "flipped-bytes": (2.0, "a byte of a packet arrives as another"),
+        "flipped-bytes": (2.0, "a byte of a packet arrives with another value"),
         "lost-bytes": (2.0, "1 to 20 bytes in a row do not arrive"),
         "split-reads": (math.inf, "packets arrive in pieces of 1 to 16 bytes"),
-        "stale-samples": (math.inf, "the scan of a program before goes on, and its samples come before each answer"),
+        "stale-samples": (math.inf, "the scan of an earlier program goes on, and its samples come before each answer"),
         "banner": (math.inf, "text is printed after a reset, whatever the model"),
         "silent-reset": (math.inf, "2 s of silence after a reset, whatever the model"),
-        "protection-stop": (30.0, "begins in protection stop, and falls into it while scanning"),
+        "protection-stop": (30.0, "starts in protection stop, and falls into it while scanning"),
         "wrong-baud": (math.inf, "the line runs at the rate of another model"),
         "unplug": (30.0, "the cable is pulled out while scanning, for 1 to 3 s"),
         "encoder-reset": (10.0, "the angle is lost for a part of a turn"),
         "speed-change": (5.0, "the rotation becomes up to 20 % faster or slower"),
-        "zero-sectors": (5.0, "10 to 60 deg of the turn return nothing, then others"),
-        "stall": (20.0, "the host takes nothing for 2 s, and has 64 KiB for what comes"),
+        "zero-sectors": (5.0, "a sector of 10 to 60 deg returns nothing, and it changes"),
+        "stall": (20.0, "the host reads nothing for 2 s, and its buffer holds 64 KiB"),
     }
 )
-"""Faults by name: time between two of a kind on average, infinite where it is a property [s], and what they are."""
+"""Faults by name: mean time between two of a kind [s], infinite where it is a lasting property, and a description.
+
+The times are chosen so that each kind comes many times in a drive of ten minutes, but most revolutions stay whole."""
 
 
 class Faults:
-    """The faults that are switched on; those of one kind come at the same times whichever others are on.
+    """The faults that are switched on; the times of one kind do not depend on which others are on.
 
     Parameters
     ----------
-    names : of the faults.
-    seed : of their times and of what they do.
+    names : names of the faults.
+    seed : seed of their times and of their effects.
 
     Raises
     ------
@@ -52,13 +54,13 @@ class Faults:
         return name in self._names
 
     def strikes(self, name: str, time: float) -> bool:
-        """Whether a fault of this kind has come by this time [s] since it was last asked."""
+        """Whether a fault of this kind has occurred up to this time [s] since the last call."""
         if self._next.get(name, math.inf) > time:
             return False
         self._next[name] = self._after(name, time)
         return True
 
     def _after(self, name: str, time: float) -> float:
-        """Time of the next fault: at least half of the mean later [s]."""
+        """Draw the time of the next fault [s]: at least half of the mean interval later."""
         mean, _ = FAULTS[name]
         return math.inf if math.isinf(mean) else time + mean * (0.5 + self.rng[name].exponential(0.5))

@@ -1,4 +1,4 @@
-"""Exact counts of what an emulated scanner has sent, and of what each fault has destroyed of it."""
+"""Exact counts of what an emulated scanner has sent, and of what each fault has destroyed."""
 
 from dataclasses import dataclass, field
 
@@ -6,23 +6,24 @@ import numpy as np
 import numpy.typing as npt
 
 Revolutions = npt.NDArray[np.int64]
+"""Numbers of the revolutions of samples."""
 
-_FIRST = "begin"
-"""Why a revolution is not whole in which a scan began: nobody's fault."""
+_SCAN_START = "scan-start"
+"""Cause of an incomplete revolution in which a scan started; it is no loss."""
 
 
 @dataclass(slots=True)
 class Loss:
-    """What one cause has destroyed.
+    """Counts of what one cause has destroyed.
 
     Parameters
     ----------
-    events : times it struck.
-    bytes : that did not arrive, or arrived as others.
-    packets : that it hit.
-    debris : bytes of these that did arrive: no packet can be made of them.
-    samples : that cannot be decoded; those of a capsule are lost with the capsule after it.
-    revolutions : that lack a sample; a revolution that several causes hit is the first one's.
+    events : number of times that it occurred.
+    bytes : number of bytes that did not arrive, or arrived with another value.
+    packets : number of packets that it damaged.
+    debris : number of bytes of damaged packets that did arrive.
+    samples : number of samples that cannot be decoded; those of a capsule need the next capsule too.
+    revolutions : number of revolutions that lack a sample; each is counted for the first cause.
     """
 
     events: int = 0
@@ -35,35 +36,36 @@ class Loss:
 
 @dataclass(slots=True)
 class Ledger:
-    """Counts of all scans that the host asked for.
+    """Counts over all scans that the host has requested.
 
     Attributes
     ----------
-    packets, samples, revolutions : that arrived whole. A revolution is whole when all its samples are, and the first
-        of the next one was taken.
-    losses : by cause: a fault, ``stop`` (the host ended the scan) or ``overflow`` (it read too late).
+    packets, samples, revolutions : numbers of those that arrived complete. A revolution is complete when all its
+        samples are, and the first one of the next revolution was taken.
+    losses : losses by cause: a fault, ``stop`` (the host ended the scan), ``nobody`` (the terminal was closed), or
+        ``overflow`` (the host read too late).
     """
 
     packets: int = 0
     samples: int = 0
     revolutions: int = 0
-    losses: dict[str, Loss] = field(default_factory=dict)
+    losses: dict[str, Loss] = field(default_factory=dict[str, Loss])
     _waiting: tuple[Revolutions, str | None] | None = None
     _open: int | None = None
     _cause: str | None = None
 
     def loss(self, cause: str) -> Loss:
-        """Loss by a cause, to be added to."""
+        """Return the loss by a cause, for the caller to add to."""
         return self.losses.setdefault(cause, Loss())
 
     def packet(self, revolutions: Revolutions, follows: bool, cause: str | None) -> None:
-        """Count a capsule, whose samples the next one completes.
+        """Count a capsule, whose samples need the next capsule to be decoded.
 
         Parameters
         ----------
         revolutions : number of the revolution of each sample, shape (n,).
-        follows : whether the angle was kept since the one before; it was not at an encoder reset.
-        cause : why it did not arrive whole; None where it did.
+        follows : whether the angle continues from the packet before; after an encoder reset it does not.
+        cause : cause of the loss of the packet; None where it arrived complete.
         """
         self._settle(cause if follows else "encoder-reset")
         if not follows:
@@ -72,14 +74,14 @@ class Ledger:
         self._waiting = revolutions, cause
 
     def nodes(self, revolutions: Revolutions, follows: bool, lost: npt.NDArray[np.bool_], cause: str | None) -> None:
-        """Count packets that are complete in themselves.
+        """Count packets that are decoded on their own.
 
         Parameters
         ----------
         revolutions : number of the revolution of each sample, a row for each packet, shape (m, n).
         follows : as for :meth:`packet`.
-        lost : whether each packet is, shape (m,).
-        cause : why; None where none is.
+        lost : whether each packet is lost, shape (m,).
+        cause : cause of the loss; None where none is lost.
         """
         if not follows:
             self._hit(self._open, "encoder-reset")
@@ -93,7 +95,7 @@ class Ledger:
             self._samples(row, cause if gone else None)
 
     def end(self, cause: str) -> None:
-        """Count the end of a scan: the last capsule lacks a next one, the last revolution its end."""
+        """Count the end of a scan: its last capsule cannot be decoded, its last revolution is incomplete."""
         self._settle(cause)
         self._hit(self._open, cause)
         self._close()
@@ -106,7 +108,7 @@ class Ledger:
             self.loss(cause).packets += packets
 
     def _settle(self, cause: str | None) -> None:
-        """Count the samples of the capsule that waits for a next one; with a cause, there is none for it."""
+        """Count the samples of the last capsule: lost if it was, or if the next capsule is lost by ``cause``."""
         if self._waiting is not None:
             revolutions, own = self._waiting
             self._samples(revolutions, own or cause)
@@ -121,17 +123,17 @@ class Ledger:
             self._hit(revolution, cause)
 
     def _hit(self, revolution: int | None, cause: str | None) -> None:
-        """Go on to a revolution, and note why it is not whole."""
+        """Go on to a revolution, and note the first cause by which it is incomplete."""
         if revolution is None:
             return
         if revolution != self._open:
             self._close()
-            self._cause = None if self._open is not None else _FIRST
+            self._cause = None if self._open is not None else _SCAN_START
             self._open = revolution
         self._cause = self._cause or cause
 
     def _close(self) -> None:
-        if self._open is None or self._cause == _FIRST:
+        if self._open is None or self._cause == _SCAN_START:
             return
         if self._cause is None:
             self.revolutions += 1

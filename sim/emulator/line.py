@@ -1,4 +1,4 @@
-"""The serial line from a scanner to its host, with what happens to bytes on the way."""
+"""The serial line from a scanner to its host, and the faults that damage bytes on it."""
 
 import math
 from collections import deque
@@ -12,15 +12,15 @@ from sim.emulator.ledger import Ledger
 from sim.emulator.stream import Packet
 
 STALL_TIME = 2.0
-"""How long a stalled host takes nothing [s]."""
+"""Time for which a stalled host reads nothing [s]: long enough for a fast line to overflow :data:`HOST_BUFFER`."""
 
 HOST_BUFFER = 1 << 16
-"""What the operating system of a stalled host keeps [bytes]."""
+"""Size of the buffer of a serial port in the operating system of the host [bytes], that of Linux."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Receipt:
-    """To be written into the ledger when the last byte of a packet has arrived."""
+    """What is entered into the ledger when the last byte of a packet has arrived."""
 
     packet: Packet
     lost: np.ndarray
@@ -41,9 +41,10 @@ class Line:
 
     Parameters
     ----------
-    baud : rate of the line.
-    faults : those of the line and of the host: ``flipped-bytes``, ``lost-bytes``, ``split-reads``, ``stall``.
-    ledger : takes down what arrives and what does not.
+    baud : baud rate of the line.
+    faults : faults; those of the line and of the host are ``flipped-bytes``, ``lost-bytes``, ``split-reads`` and
+        ``stall``.
+    ledger : counts what arrives and what does not.
     """
 
     def __init__(self, baud: int, faults: Faults, ledger: Ledger) -> None:
@@ -52,22 +53,22 @@ class Line:
         self._stalled_until, self._stalled_bytes = -math.inf, 0
 
     def __bool__(self) -> bool:
-        """Whether something is on its way."""
+        """Whether bytes are on their way."""
         return bool(self._pieces)
 
     @property
     def next_time(self) -> float:
-        """When the next bytes arrive [s]; inf where none are on their way."""
+        """Time at which the next bytes arrive [s]; inf where none are on their way."""
         return self._pieces[0].time if self._pieces else math.inf
 
     def send(self, data: bytes, time: float) -> float:
-        """Send an answer from a time on; when its last byte has been sent [s]."""
+        """Send an answer from a time on [s]; return when its last byte has been sent [s]."""
         sent = time + len(data) * 10.0 / self._baud
         self._enqueue(data, sent, None)
         return sent
 
     def send_packet(self, packet: Packet, answer: Answer, *, counted: bool) -> None:
-        """Send packets of a scan; those of a scan that the host has not asked for are not counted."""
+        """Send packets of a scan; they are ``counted`` in the ledger where the host has requested the scan."""
         size, data, cause = FORMATS[answer].size, packet.data, None
         lost = np.zeros(len(packet.revolutions), dtype=np.bool_)
         hit = slice(0, 0)
@@ -86,14 +87,14 @@ class Line:
         self._enqueue(data, packet.time, receipt if counted else None)
 
     def take(self) -> tuple[float, bytes]:
-        """Next bytes, with the time at which they arrive [s]."""
+        """Take the next bytes, with the time at which they arrive [s]."""
         piece = self._pieces.popleft()
         if piece.receipt is not None:
             self._count(piece.receipt)
         return piece.time, piece.data
 
     def cut(self, keep: int = 0) -> bytes:
-        """Take what is on its way off the line; return the first ``keep`` bytes of it."""
+        """Remove all bytes that are on their way; return the first ``keep`` of them."""
         rest = b"".join(piece.data for piece in self._pieces)[:keep]
         self._pieces.clear()
         return rest
@@ -109,16 +110,16 @@ class Line:
                     packet = receipt.packet
                     receipt = _Receipt(packet, np.ones_like(receipt.lost), "stall", len(packet.data), 0)
                 data = b""
-        first, begin = time - len(data) * 10.0 / self._baud, 0
+        first, start = time - len(data) * 10.0 / self._baud, 0
         if "split-reads" in self._faults:
-            while len(data) - begin > (size := int(self._faults.rng["split-reads"].integers(1, 17))):
-                begin += size
-                self._append(data[begin - size : begin], first + begin * 10.0 / self._baud, None)
+            while len(data) - start > (size := int(self._faults.rng["split-reads"].integers(1, 17))):
+                start += size
+                self._append(data[start - size : start], first + start * 10.0 / self._baud, None)
                 self._ledger.loss("split-reads").events += 1
-        self._append(data[begin:], time, receipt)
+        self._append(data[start:], time, receipt)
 
     def _append(self, data: bytes, time: float, receipt: _Receipt | None) -> None:
-        """Add a piece: not before those that are on their way, nor while the host is stalled."""
+        """Add a piece, which arrives after those that are on their way, and not while the host is stalled."""
         last = self._pieces[-1].time if self._pieces else -math.inf
         release = self._stalled_until if time >= self._stalled_until - STALL_TIME else -math.inf
         self._pieces.append(_Piece(max(time, last, release), data, receipt))
@@ -127,7 +128,7 @@ class Line:
         packet, cause = receipt.packet, receipt.cause
         if cause is not None:
             loss = self._ledger.loss(cause)
-            loss.events += cause != "stall"  # that was counted when it began
+            loss.events += cause != "stall"  # which was counted at its start
             loss.bytes, loss.debris = loss.bytes + receipt.bytes, loss.debris + receipt.debris
         for name in packet.struck:
             self._ledger.loss(name).events += 1

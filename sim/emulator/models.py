@@ -1,4 +1,4 @@
-"""What the emulated devices say of themselves, and how they behave."""
+"""The emulated models of scanners: identity, baud rates, scan modes, motor and boot behaviour."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -10,14 +10,14 @@ from drivers.rplidar.protocol.answers import Answer, DeviceInfo, SampleRate
 
 @dataclass(frozen=True, slots=True)
 class Mode:
-    """A scan mode.
+    """A scan mode of a model.
 
     Parameters
     ----------
-    name : as the device tells it.
-    answer : packets in which the samples come.
+    name : name that the device reports.
+    answer : type of the packets of samples.
     us_per_sample : time from sample to sample [us].
-    max_distance : what is farther does not return [m].
+    max_distance : largest range; farther walls give no return [m].
     """
 
     name: str
@@ -30,28 +30,28 @@ class Motor(Enum):
     """How the rotation is controlled."""
 
     DTR = auto()
-    """By a modem line, which a pseudo-terminal has not: it turns as long as there is power."""
+    """By the DTR modem line; a pseudo-terminal has none, so that the motor turns while the device has power."""
     PWM = auto()
-    """By SET_MOTOR_PWM through the accessory board; it stands until told."""
+    """By SET_MOTOR_PWM through the accessory board; the motor stands still until the first command."""
     RPM = auto()
-    """By the scan, at the speed that MOTOR_SPEED sets."""
+    """By the scan: the motor turns while a scan is requested, at the speed that MOTOR_SPEED sets."""
 
 
 @dataclass(frozen=True, slots=True)
 class Model:
-    """An RPLIDAR.
+    """A model of the RPLIDAR.
 
     Parameters
     ----------
-    name : of the model.
+    name : name of the model.
     info : answer to GET_INFO.
-    baud : rate of the line.
+    baud : baud rate of the line.
     sample_rate : answer to GET_SAMPLERATE.
-    modes : scan modes; their places are their ids, the first is that of SCAN.
+    modes : scan modes; their indices are their ids, the first is the one of SCAN.
     typical : id of the mode that the device recommends.
     motor : how the rotation is controlled.
-    banner : what it prints when it has booted.
-    boot_time : from a reset until it answers [s].
+    banner : text that the device prints after booting.
+    boot_time : time from a reset until the device answers [s].
     """
 
     name: str
@@ -66,14 +66,17 @@ class Model:
 
 
 BANNER = b"RP LIDAR System.\r\nFirmware Ver 1.29 - 2b7, HW Ver 7\r\nModel: 18\r\n"
-"""Boot banner of a device that has none of its own."""
+"""Boot banner that the fault ``banner`` gives to a model without one."""
 
 BAUDS = (115200, 256000, 460800, 1000000)
-"""Rates at which scanners of this kind talk."""
+"""Baud rates of the RPLIDAR family."""
 
 DEFAULT_RPM, LOWEST_RPM, HIGHEST_RPM = 600, 300, 900
+"""Default and limits of the speed of the motor [turns/min]: 10 Hz, and 5 Hz to 15 Hz as in the data sheets of A2 and
+A3."""
+
 DEFAULT_PWM = 660
-"""Turns a motor at :data:`DEFAULT_RPM`."""
+"""PWM value at which the motor turns at :data:`DEFAULT_RPM`: the default of the vendor's SDK."""
 
 
 def _info(model: int, firmware: tuple[int, int], hardware: int) -> DeviceInfo:
@@ -86,7 +89,7 @@ def _a_series(firmware: str, hardware: int, model: int) -> bytes:
 
 MODELS: Mapping[str, Model] = MappingProxyType(
     {
-        # Read-outs of an A1M8 and of an S1.
+        # As an A1M8 reports it.
         "A1": Model(
             name="A1",
             info=_info(0x18, (1, 29), 7),
@@ -103,7 +106,7 @@ MODELS: Mapping[str, Model] = MappingProxyType(
             motor=Motor.DTR,
             banner=_a_series("1.29", 7, 0x18),
         ),
-        # An A2M8 whose modes are in an issue of the ROS driver, with 2.0, 4.0 and 8.0 thousand samples a second.
+        # As an A2M8 reports it in an issue of the ROS driver: 2,000, 4,000 and 8,000 samples per second.
         "A2": Model(
             name="A2",
             info=_info(0x28, (1, 24), 5),
@@ -118,7 +121,7 @@ MODELS: Mapping[str, Model] = MappingProxyType(
             motor=Motor.PWM,
             banner=_a_series("1.24", 5, 0x28),
         ),
-        # The same of an A3M1: 4.0, 7.9, 15.9, 15.9 and 10.0 thousand.
+        # As an A3M1 reports it in an issue of the ROS driver: 4,000, 7,900, 15,900, 15,900 and 10,000 samples a second.
         "A3": Model(
             name="A3",
             info=_info(0x31, (1, 26), 6),
@@ -135,6 +138,7 @@ MODELS: Mapping[str, Model] = MappingProxyType(
             motor=Motor.PWM,
             banner=_a_series("1.26", 6, 0x31),
         ),
+        # As an S1 reports it.
         "S1": Model(
             name="S1",
             info=_info(0x61, (1, 28), 18),
@@ -148,7 +152,7 @@ MODELS: Mapping[str, Model] = MappingProxyType(
             motor=Motor.RPM,
             boot_time=2.0,
         ),
-        # 32,000 samples a second up to 30 m are its data sheet's; the time of the standard mode is assumed.
+        # Its data sheet states 32,000 samples per second and 30 m; the standard mode is assumed.
         "S2": Model(
             name="S2",
             info=_info(0x71, (1, 1), 18),
@@ -164,4 +168,4 @@ MODELS: Mapping[str, Model] = MappingProxyType(
         ),
     }
 )
-"""The emulated models by the name that the command line takes."""
+"""Emulated models by the name that the command line takes."""

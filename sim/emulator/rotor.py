@@ -1,4 +1,4 @@
-"""The turning head of a scanner."""
+"""The rotating head of a scanner."""
 
 import math
 
@@ -7,31 +7,31 @@ import numpy as np
 from features.se2 import Array
 
 LAG = 0.3
-"""Time constant with which the speed follows what is wanted [s]."""
+"""Time constant with which the speed follows the command [s], assumed: the head spins up within a second or two."""
 
 STABLE = 0.02
-"""The rotation is stable when its speed is as near as this to what is wanted, relatively."""
+"""Relative error of the speed below which the rotation is stable, assumed; it is well above the jitter."""
 
 _WAVES = np.array([0.37, 1.31, 2.83])
-"""Periods of the jitter in a turn."""
+"""Frequencies of the jitter per turn: not whole, so that no two turns are the same."""
 
 _SWING = 0.003
-"""Largest relative error of the speed that each of them makes."""
+"""Largest relative error of the speed by each frequency; together they make an rms of 0.4 %."""
 
 
 class Rotor:
-    """Angle of a head whose speed follows the wanted one with a lag and jitters with the angle.
+    """A rotating head whose speed follows the command with a lag, and jitters with the angle.
 
     Between two commands the angle is a function of time.
 
     Parameters
     ----------
-    rng : source of the first angle and of the jitter's phases.
+    rng : source of the first angle and of the phases of the jitter.
 
     Attributes
     ----------
-    wanted : speed that it goes to [turns/s].
-    since : when that was changed last [s].
+    wanted : speed that the head approaches [turns/s].
+    since : time of the last change of ``wanted`` [s].
     """
 
     def __init__(self, rng: np.random.Generator) -> None:
@@ -41,28 +41,28 @@ class Rotor:
         self.wanted = 0.0
 
     def command(self, speed: float, time: float) -> None:
-        """Want a speed [turns/s] from a time on [s], which is not before that of the last change."""
+        """Command a speed [turns/s] from a time on [s], which is not before the last change."""
         self._commanded = speed
         self._change(speed, time)
 
     def disturb(self, factor: float, time: float) -> None:
-        """Turn faster or slower than commanded, by a factor."""
+        """Change the speed to a multiple of the commanded one from a time on [s]."""
         self._change(factor * self._commanded, time)
 
     def stop(self, time: float) -> None:
-        """Stand still at once, as without power."""
+        """Stop the head at once, as without power, at a time [s]."""
         self.command(0.0, time)
         self._speed = 0.0
 
     def stable_from(self, time: float) -> float:
-        """When the rotation is stable, at the earliest at ``time`` [s]; inf while it is to stand."""
+        """Return when the rotation is stable [s], not before ``time`` [s]; inf while the commanded speed is 0."""
         if self.wanted == 0.0:
             return math.inf
         error = abs(self._speed / self.wanted - 1.0)
         return max(time, self.since + LAG * math.log(max(error / STABLE, 1.0)))
 
     def turns(self, times: Array) -> Array:
-        """Angle at times of shape (n,) [s], clockwise, counted on over whole turns, shape (n,) [turns]."""
+        """Return the clockwise angle, with whole turns counted, shape (n,) [turns], at times of shape (n,) [s]."""
         smooth = self._smooth(times)
         waves = 2.0 * math.pi * _WAVES
         return smooth + (_SWING / waves * np.sin(smooth[:, None] * waves + self._phases)).sum(axis=1)

@@ -1,4 +1,4 @@
-"""What an emulated scanner sees from the robot that carries it."""
+"""The scene of an emulated scanner: the world around it, and the motion of its robot."""
 
 from dataclasses import dataclass, replace
 
@@ -6,13 +6,13 @@ import numpy as np
 
 from features.se2 import Array
 from features.sensor import sensor_preset
-from sim.motion.robot import Trajectory
+from sim.motion.true_trajectory import TrueTrajectory
 from sim.sensing.lidar import Lidar
 from sim.worlds.world import World
 
 
 def single_beams(preset: str) -> Lidar:
-    """Scanner with the noise and the limits of a sensor preset, whose beams are told one by one."""
+    """Make a scanner with the noise and the limits of a sensor preset, for a :class:`Scene`, which sets its beams."""
     model = sensor_preset(preset)
     return Lidar(
         angles=np.zeros(0),
@@ -20,37 +20,37 @@ def single_beams(preset: str) -> Lidar:
         sigma_bearing=model.sigma_bearing,
         range_min=model.range_min,
         range_max=model.range_max,
-        rate=10.0,
+        rate=10.0,  # not used
     )
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Scene:
-    """A world, the noise of a scanner, and the way of its robot.
+    """A world, the noise of a scanner, and the motion of its robot.
 
     Parameters
     ----------
     world : the walls.
     lidar : noise and mounting; its angles and its rate are not used.
-    trajectory : the robot's motion; it stands before and after.
+    trajectory : motion of the robot; before and after it the robot stands still.
     """
 
     world: World
     lidar: Lidar
-    trajectory: Trajectory
+    trajectory: TrueTrajectory
 
     def __post_init__(self) -> None:
-        # What is compiled is there before the device's clock starts.
+        # Compile or load the kernels before the clock of the device starts.
         self.ranges(np.zeros(2), np.array([0.0, 0.1]), np.inf, np.random.default_rng(0))
 
     def ranges(self, angles_clockwise: Array, times: Array, max_distance: float, rng: np.random.Generator) -> Array:
-        """Measure along single beams, each from where the robot is then.
+        """Measure along single beams, each from the pose of the robot at its time.
 
         Parameters
         ----------
         angles_clockwise : directions in the sensor frame, clockwise seen from above, shape (n,) [rad].
-        times : when each beam is taken, from the robot's departure on, shape (n,) [s].
-        max_distance : what is farther does not return [m].
+        times : time of each beam since the departure of the robot, shape (n,) [s].
+        max_distance : largest range; farther walls give no return [m].
         rng : source of the noise.
 
         Returns

@@ -1,4 +1,4 @@
-"""The samples of one scan, in packets, each with the time at which it arrives."""
+"""The packets of one scan, each with the time at which it arrives."""
 
 import itertools
 import math
@@ -26,15 +26,16 @@ from sim.emulator.models import Mode
 from sim.emulator.rotor import Rotor
 
 _BLOCK_TIME = 0.035
-"""Samples are taken in blocks of about this length [s]: a cast costs little more for many than for one."""
+"""Samples are taken in blocks of about this length [s]: a cast costs little more for many beams than for one."""
 
 _NODE_TIME = 1e-3
 """Packets of one sample come in groups of about this length [s], as a USB bridge passes them on."""
 
 _FARTHEST = {Answer.STANDARD: 16.38, Answer.EXPRESS: 16.38, Answer.ULTRA: 28.6}
-"""What is farther does not fit into the packet [m]."""
+"""Largest range that fits into the packet [m]; farther walls give no return."""
 
 _LARGEST_OFFSET = math.radians(7.875)
+"""Largest offset of an angle that an express packet holds [rad]: 63 steps of 1/8 deg."""
 
 Measure = Callable[[Array, Array], Array]
 """Ranges [m] of beams with clockwise angles [rad] at times [s], each of shape (n,)."""
@@ -42,17 +43,17 @@ Measure = Callable[[Array, Array], Array]
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Packet:
-    """Packets that arrive together: one, or some with one sample each.
+    """Packets that arrive together: one, or several with one sample each.
 
     Parameters
     ----------
-    time : when the last byte arrives [s].
+    time : time at which the last byte arrives [s].
     data : the bytes.
     revolutions : number of the revolution of each sample, a row for each packet.
-    capsule : whether its samples need the next packet.
-    follows : whether the angle was kept since the packet before.
-    zeroed : samples that returned, but for a fault.
-    struck : faults that came since the packet before.
+    capsule : whether its samples need the next packet to be decoded.
+    follows : whether the angle continues from the packet before.
+    zeroed : number of samples whose return a fault has removed.
+    struck : faults that occurred since the packet before.
     """
 
     time: float
@@ -66,7 +67,7 @@ class Packet:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Draft:
-    """Samples of a packet before it is known how the next one begins."""
+    """Samples of a packet that is not encoded yet, because it depends on the first sample of the next."""
 
     times: Array
     turns: Array
@@ -78,19 +79,19 @@ class _Draft:
 
 
 class ScanStream:
-    """Makes the packets of one scan, the same ones for the same arguments.
+    """The source of the packets of one scan; the same arguments give the same packets.
 
-    Sample k of a packet is taken at ``start + k T``; the packet arrives ``3/2 T`` after its last sample, of which one T
-    is the filter's and half of one the rest of the sample, and the time of its bytes on the line later.
+    Sample k of a packet is taken at ``start + k T``. The packet arrives ``3/2 T`` after its last sample, plus the time
+    of its bytes on the line; ``T/2`` is the rest of the sample, and one T the delay of the filter of the device.
 
     Parameters
     ----------
-    mode : of the scan.
-    start : when the first sample is taken [s].
-    baud : rate of the line.
-    rotor : the turning head.
-    measure : what the scanner sees.
-    faults : those that come before the packets are made: ``speed-change``, ``encoder-reset``, ``zero-sectors``.
+    mode : scan mode.
+    start : time of the first sample [s].
+    baud : baud rate of the line.
+    rotor : the rotating head.
+    measure : measures the ranges.
+    faults : faults; those of the scanner itself are ``speed-change``, ``encoder-reset``, ``zero-sectors``.
     """
 
     def __init__(self, mode: Mode, start: float, baud: int, rotor: Rotor, measure: Measure, faults: Faults) -> None:
@@ -107,7 +108,7 @@ class ScanStream:
         self._last_revolution: int | None = None
 
     def block(self) -> list[Packet]:
-        """Take the next samples; the last packet of them waits for the next block."""
+        """Take the next block of samples; return its packets but the last, which needs the next block."""
         time, follows = self.next_sample, self._held is not None
         kinds = ("speed-change", "zero-sectors", "encoder-reset")
         struck = tuple(name for name in kinds[: 3 if follows else 2] if self._faults.strikes(name, time))
@@ -126,27 +127,27 @@ class ScanStream:
         drafts = [] if self._held is None else [self._held]
         for k in range(self._packets):
             part = slice(k * self._count, (k + 1) * self._count)
-            begins = k == 0
+            is_first = k == 0
             drafts.append(
                 _Draft(
                     times=times[part],
                     turns=turns[part],
                     ranges=ranges[part],
                     offsets=offsets[part],
-                    follows=follows or not begins,
+                    follows=follows or not is_first,
                     zeroed=int(zeroed[part].sum()),
-                    struck=struck if begins else (),
+                    struck=struck if is_first else (),
                 )
             )
         self._held = drafts[-1]
         return [self._pack(draft, after) for draft, after in itertools.pairwise(drafts)]
 
     def _sample(self, turns: Array, times: Array) -> tuple[Array, Array, npt.NDArray[np.bool_]]:
-        """Ranges [m], what their angles lag behind the encoder [rad], and whether a fault has taken each."""
+        """Return ranges [m], lags of their angles behind the encoder [rad], and whether a fault has removed each."""
         encoder = 2.0 * math.pi * (turns % 1.0)
         answer = self._mode.answer
         if answer in {Answer.EXPRESS, Answer.ULTRA}:
-            # The offset depends on the range that is to be measured with it.
+            # The offset depends on the range that is measured with it: a first pass uses the offset of a range of 2 m.
             offsets = self._offsets(self._measure(encoder - self._offsets(np.full(len(turns), 2.0)), times))
         else:
             offsets = np.zeros(len(turns))
@@ -154,13 +155,13 @@ class ScanStream:
         ranges[ranges > _FARTHEST.get(answer, math.inf)] = 0.0
         zeroed = np.zeros(len(turns), dtype=np.bool_)
         if "zero-sectors" in self._faults:
-            begin, width = self._sector
-            zeroed = ((turns - begin) % 1.0 < width) & (ranges > 0.0)
+            start, width = self._sector
+            zeroed = ((turns - start) % 1.0 < width) & (ranges > 0.0)
             ranges[zeroed] = 0.0
         return ranges, offsets, zeroed
 
     def _offsets(self, ranges: Array) -> Array:
-        """Angles that the beams lag behind the encoder [rad], as the packets can tell them."""
+        """Return the lags of the beams behind the encoder [rad], rounded as in the packets."""
         offsets = optical_offsets(ranges)
         if self._mode.answer is Answer.ULTRA:
             return offsets
@@ -168,7 +169,7 @@ class ScanStream:
         return np.minimum(np.rint(offsets / step) * step, _LARGEST_OFFSET)
 
     def _pack(self, draft: _Draft, after: _Draft) -> Packet:
-        """Encode a packet, knowing the next one."""
+        """Encode a packet, for which the next one is needed."""
         revolutions, first = self._revolutions(draft, after), self._last_revolution is None
         data = self._encode(draft, after, revolutions)
         self._last_revolution = int(revolutions[-1])
@@ -184,7 +185,7 @@ class ScanStream:
         )
 
     def _revolutions(self, draft: _Draft, after: _Draft) -> npt.NDArray[np.int64]:
-        """Count the revolution of each sample, by the angle that the packets tell, shape (n,)."""
+        """Return the number of the revolution of each sample, by the rounded angle in the packets, shape (n,)."""
         steps = 65536 if self._mode.answer is Answer.HQ else TURN_Q6
         if self._format.measure is None or not after.follows:
             return np.rint(draft.turns * steps).astype(np.int64) // steps

@@ -1,4 +1,4 @@
-"""An emulated scanner at the end of a pseudo-terminal, in real time."""
+"""An emulated scanner on a pseudo-terminal, in real time."""
 
 import errno
 import fcntl
@@ -19,76 +19,77 @@ from sim.emulator.device import Device
 from sim.emulator.line import HOST_BUFFER
 
 _TICK = 1e-3
-"""Bytes that arrive within this time are written together [s]."""
+"""Bytes that arrive within this time are written together [s], as a USB bridge does."""
 
 _PATIENCE = 0.05
-"""How long to wait at most before looking whether to stop [s]."""
+"""Longest wait before :meth:`Terminal.serve` checks whether to stop [s]."""
 
 _READ_TRIES = 200
-"""Ticks that the host has to read the last bytes before the cable is pulled."""
+"""Ticks that the host has to read the last bytes before the cable is unplugged: 0.2 s, far more than a reader needs."""
 
 _TCGETS2, _TERMIOS2 = 0x802C542A, "=4IB19s2I"
-"""Request and layout for the settings of a terminal with their baud rates, also those that POSIX has no name for."""
+"""Request and layout of the settings of a terminal (Linux), whose baud rates may be others than those of POSIX."""
 
 
 class EmulatorError(CwlfError):
-    """A pseudo-terminal, or a link to it, that cannot be made."""
+    """A link to a pseudo-terminal cannot be made."""
 
 
 class Terminal:
-    """A pseudo-terminal whose other end is a scanner; a context manager that leaves nothing behind.
+    """A pseudo-terminal whose other end is an emulated scanner; a context manager that removes it in the end.
 
-    The scanner hears and is heard only at its own baud rate. What it sends while nobody has the terminal open is gone.
+    The scanner and the host understand each other only at the baud rate of the scanner. What the scanner sends while
+    nobody has the terminal open is lost.
 
     Parameters
     ----------
-    device : the scanner; its clock begins when the context is entered.
-    link : symbolic link to keep on the terminal; a link that is there is replaced. None for none.
-    said : is told the path whenever the scanner is plugged in.
-    begin : what the device's clock shows when the context is entered [s].
+    device : the scanner; its clock starts when the context is entered.
+    link : symbolic link to the terminal, which replaces an existing link; None for no link.
+    on_plug_in : called with the path of the terminal whenever the scanner is plugged in.
+    start : time of the clock of the device when the context is entered [s].
 
     Attributes
     ----------
-    started : time at which the device's clock was zero [s since 1970].
+    started : time at which the clock of the device was zero [s since 1970].
 
     Raises
     ------
     EmulatorError
-        There is something else where the link should be, or it cannot be made.
+        Something other than a link exists at ``link``, or the link cannot be made.
     """
 
     def __init__(
         self,
         device: Device,
         link: Path | None = None,
-        said: Callable[[str], None] = lambda path: None,
-        begin: float = 0.0,
+        on_plug_in: Callable[[str], None] = lambda path: None,
+        start: float = 0.0,
     ) -> None:
-        self._device, self._link, self._said = device, link, said
+        self._device, self._link, self._on_plug_in = device, link, on_plug_in
         self._master: int | None = None
         self._path = ""
         self._backlog = b""
-        self._begin = begin
+        self._start = start
         self._started = self.started = 0.0
 
     def __enter__(self) -> Self:
-        self._started, self.started = time.monotonic() - self._begin, time.time() - self._begin
+        self._started, self.started = time.monotonic() - self._start, time.time() - self._start
         self._plug_in()
         return self
 
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        self._pull_out()
+        self._unplug()
         self._device.end(self.now)
 
     @property
     def now(self) -> float:
-        """Time on the device's clock [s]."""
+        """Time of the clock of the device [s]."""
         return time.monotonic() - self._started
 
     def serve(self, stopped: Callable[[], bool]) -> None:
-        """Be the scanner until told to stop."""
+        """Exchange bytes with the host in real time until ``stopped()`` is true."""
         device = self._device
         while not stopped():
             if self._master is None:
@@ -101,7 +102,7 @@ class Terminal:
             self._pass_on(self._master_fd)
             if device.away_until is not None:
                 self._let_read()
-                self._pull_out()
+                self._unplug()
                 continue
             wait = min(max(device.next_time - self.now, _TICK), _PATIENCE)
             self._listen(self._master_fd, wait)
@@ -112,7 +113,7 @@ class Terminal:
         return self._master
 
     def _pass_on(self, master: int) -> None:
-        """Write what has arrived by now."""
+        """Write the bytes that have arrived by now."""
         self._backlog += self._device.read(self.now, _baud(master))
         if not self._backlog:
             return
@@ -120,7 +121,7 @@ class Terminal:
             self._device.ledger.loss("nobody").bytes += len(self._backlog)
             self._backlog = b""
             return
-        with suppress(OSError):  # it is full, or was just closed
+        with suppress(OSError):  # the terminal is full, or was just closed
             self._backlog = self._backlog[os.write(master, self._backlog) :]
         if (excess := len(self._backlog) - HOST_BUFFER) > 0:
             loss = self._device.ledger.loss("overflow")
@@ -128,7 +129,7 @@ class Terminal:
             self._backlog = self._backlog[:-excess]
 
     def _listen(self, master: int, wait: float) -> None:
-        """Take requests in for a while [s], or sleep as long where nobody has the terminal open."""
+        """Take requests for some time [s], or sleep as long where nobody has the terminal open."""
         if not select.select([master], [], [], wait)[0]:
             return
         try:
@@ -151,12 +152,12 @@ class Terminal:
             try:
                 _make_link(self._link, path)
             except OSError as error:
-                self._pull_out()
+                self._unplug()
                 raise EmulatorError(f"{self._link}: no link can be made here: {error.strerror}") from None
-        self._said(path)
+        self._on_plug_in(path)
 
     def _let_read(self) -> None:
-        """Wait until the host has what was sent before the cable is pulled: else the counts would not be exact."""
+        """Wait until the host has read all bytes, so that the counts are exact although the cable is unplugged next."""
         terminal = os.open(self._path, os.O_RDONLY | os.O_NOCTTY | os.O_NONBLOCK)
         try:
             for _ in range(_READ_TRIES):
@@ -167,7 +168,7 @@ class Terminal:
         finally:
             os.close(terminal)
 
-    def _pull_out(self) -> None:
+    def _unplug(self) -> None:
         if self._master is not None:
             os.close(self._master)
             self._master = None
@@ -192,7 +193,7 @@ def _hung_up(master: int) -> bool:
 
 
 def _baud(master: int) -> int | None:
-    """Rate that the host has set; None where the system does not tell."""
+    """Return the baud rate that the host has set; None where the system does not report it."""
     try:
         settings = fcntl.ioctl(master, _TCGETS2, bytes(struct.calcsize(_TERMIOS2)))
     except OSError:

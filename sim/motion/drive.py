@@ -1,4 +1,4 @@
-"""A drive through a world that a robot of some width could make."""
+"""Drives through a world that keep a robot clear of the walls."""
 
 import itertools
 
@@ -8,16 +8,18 @@ import shapely
 
 from features.se2 import Array
 from sim.errors import WorldError
-from sim.motion.robot import Robot, Trajectory
+from sim.motion.robot import Robot
+from sim.motion.true_trajectory import TrueTrajectory
 from sim.worlds.check import segments
 from sim.worlds.world import World
 
 ROBOT_RADIUS = 0.15
-"""A robot that comes nearer to a wall touches it [m]."""
+"""Radius of the robot: nearer to a wall, it touches the wall [m]. It is that of a small indoor robot, such as a
+TurtleBot."""
 
 
-def drive_through(world: World, waypoints: npt.ArrayLike, robot: Robot, rate: float) -> Trajectory:
-    """Drive through all waypoints, clear of every wall.
+def drive_through(world: World, waypoints: npt.ArrayLike, robot: Robot, rate: float) -> TrueTrajectory:
+    """Drive a robot through all waypoints, clear of every wall.
 
     Parameters
     ----------
@@ -29,8 +31,8 @@ def drive_through(world: World, waypoints: npt.ArrayLike, robot: Robot, rate: fl
     Raises
     ------
     WorldError
-        The path has too few waypoints or two that are too near to each other, it leaves the world, goes through a wall,
-        or lets the robot start in a wall or touch one.
+        The path has too few waypoints or two that are too near to each other, leaves the world, or goes through a wall;
+        or the robot starts in a wall or touches one.
     """
     points = np.asarray(waypoints, dtype=np.float64)
     where = f"world {world.name!r}"
@@ -50,7 +52,8 @@ def drive_through(world: World, waypoints: npt.ArrayLike, robot: Robot, rate: fl
         hit = tree.query(leg, predicate="intersects")
         if len(hit):
             places = shapely.intersection(lines[hit], leg)
-            wall = int(hit[np.argmin(shapely.distance(places, shapely.Point(start)))])
+            distances = shapely.distance(places, shapely.Point(start))  # pyright: ignore[reportUnknownMemberType]  # its keyword arguments are untyped
+            wall = int(hit[np.argmin(distances)])
             raise WorldError(f"{where}: the path from {_at(start)} to {_at(end)} goes through {_wall(world, wall)}")
     try:
         trajectory = robot.drive(points, rate)

@@ -1,4 +1,4 @@
-"""People beside the way of a robot."""
+"""People who walk beside the path of a robot."""
 
 import numpy as np
 import shapely
@@ -11,24 +11,31 @@ from sim.worlds.check import segments
 from sim.worlds.world import World
 
 RADIUS = 0.25
-"""Of a person [m]."""
+"""Radius of a person [m]: half the width of the shoulders of an adult."""
 
-_ASIDE, _LENGTHS, _SPEEDS = (0.4, 1.5), (1.0, 10.0), (0.4, 1.4)
-"""How far beside the way of the robot a person goes, on a stretch of which length [m], and how fast [m/s]."""
+_ASIDE = (0.4, 1.5)
+"""Least and largest distance of a person from the path of the robot [m]: from 0.4 m on, :data:`RADIUS` and
+:data:`sim.motion.drive.ROBOT_RADIUS` leave them apart, and up to 1.5 m there is room in a corridor."""
+
+_LENGTHS = (1.0, 10.0)
+"""Least and largest length of the stretch on which a person goes to and fro [m]: within a room or a corridor."""
+
+_SPEEDS = (0.4, 1.4)
+"""Least and largest speed of a person [m/s]: from strolling to normal walking."""
 
 _ATTEMPTS = 500
-"""Stretches that are tried for each person."""
+"""Stretches that are tried for each person before the world counts as too narrow."""
 
 
 def people_beside(world: World, poses_world_robot: Array, count: int, rng: np.random.Generator) -> tuple[Person, ...]:
-    """Let people go to and fro beside the way of a robot, each on a straight stretch clear of walls and of the robot.
+    """Place people who go to and fro beside the path of a robot, each on a straight stretch clear of it and of walls.
 
     Parameters
     ----------
     world : the walls.
-    poses_world_robot : way of the robot, shape (n, 3), n >= 2 [m, m, rad].
+    poses_world_robot : path of the robot, shape (n, 3), n >= 2 [m, m, rad].
     count : number of people.
-    rng : chooses stretches and speeds.
+    rng : source of stretches and speeds.
 
     Raises
     ------
@@ -38,8 +45,8 @@ def people_beside(world: World, poses_world_robot: Array, count: int, rng: np.ra
     if count == 0:
         return ()
     walls = shapely.union_all(segments(world.walls.reshape(-1, 2, 2)))
-    way = shapely.LineString(poses_world_robot[:, :2]).simplify(0.01)
-    taken = walls.buffer(RADIUS).union(way.buffer(RADIUS + ROBOT_RADIUS))
+    path = shapely.LineString(poses_world_robot[:, :2]).simplify(0.01)  # 1 cm off at most, for speed
+    taken = walls.buffer(RADIUS).union(path.buffer(RADIUS + ROBOT_RADIUS))
     return tuple(_person(world.name, poses_world_robot, walls, taken, rng) for _ in range(count))
 
 
@@ -61,4 +68,4 @@ def _person(
             and not shapely.intersects(walls, shapely.LineString([start, longest.coords[0]]))
         ):
             return Person(np.array(longest.coords), rng.uniform(*_SPEEDS), RADIUS)
-    raise WorldError(f"world {name!r}: there is no room for a person beside the way of the robot")
+    raise WorldError(f"world {name!r}: there is no room for a person beside the path of the robot")

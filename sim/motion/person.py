@@ -1,4 +1,4 @@
-"""People who walk about while the lidar looks: discs that move."""
+"""People who walk through the scans of a lidar: discs that move."""
 
 import math
 from dataclasses import dataclass
@@ -10,14 +10,14 @@ from features.se2 import Array
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Person:
-    """A disc that goes along a path and back, at a steady pace, for ever.
+    """A disc that goes along a path and back, again and again, at constant speed.
 
     Parameters
     ----------
-    path : where it goes, shape (n, 2), n >= 1, world frame [m]; it is at the first point at time zero. With one point
-        it stands.
-    speed : [m/s].
-    radius : [m].
+    path : points of its path, shape (n, 2), n >= 1, world frame [m]; it is at the first one at time zero. With one
+        point it stands still.
+    speed : walking speed [m/s].
+    radius : radius of the disc [m].
 
     Raises
     ------
@@ -40,26 +40,29 @@ class Person:
         object.__setattr__(self, "path", path)
 
     def at(self, times: Array) -> Array:
-        """Where the person is at times of shape (n,) [s]: centres, shape (n, 2), world frame [m]."""
-        walked = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(self.path, axis=0).T))])
+        """Return the centres of the person, shape (n, 2), world frame [m], at times of shape (n,) [s]."""
+        steps = np.diff(self.path, axis=0)
+        walked = np.concatenate([[0.0], np.cumsum(np.hypot(steps[:, 0], steps[:, 1]))])
         length = walked[-1]
         if length == 0.0:
             return np.broadcast_to(self.path[0], (len(times), 2))
-        way = length - abs(self.speed * times % (2.0 * length) - length)
-        return np.column_stack([np.interp(way, walked, self.path[:, k]) for k in range(2)])
+        distances: Array = length - abs(self.speed * times % (2.0 * length) - length)
+        return np.column_stack(
+            [np.interp(distances, walked, self.path[:, 0]), np.interp(distances, walked, self.path[:, 1])]
+        )
 
     def cast(self, origins: Array, directions: Array, times: Array) -> tuple[Array, Array]:
-        """Hit the person with beams.
+        """Cast beams onto the person.
 
         Parameters
         ----------
-        origins, directions : where each beam starts and its unit vector, shape (n, 2), world frame [m].
+        origins, directions : origin and unit vector of each beam, shape (n, 2), world frame [m].
         times : of each beam, shape (n,) [s].
 
         Returns
         -------
         ranges : shape (n,) [m]; inf where a beam misses, 0 where it starts inside.
-        cos_incidence : cosine of the angle between beam and normal, shape (n,).
+        cos_incidence : cosine of the angle between beam and surface normal, shape (n,).
         """
         to_centre = self.at(times) - origins
         ahead = (to_centre * directions).sum(axis=1)

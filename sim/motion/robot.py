@@ -1,4 +1,4 @@
-"""Robots that drive from waypoint to waypoint: with a differential drive, and in any direction."""
+"""Robots that drive from waypoint to waypoint: a differential drive, and an omnidirectional base."""
 
 import math
 from dataclasses import dataclass, fields
@@ -7,45 +7,12 @@ import numpy as np
 import numpy.typing as npt
 
 from features.se2 import Array, wrap_angle
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Trajectory:
-    """True poses at a fixed rate, from time zero.
-
-    Parameters
-    ----------
-    rate : poses per second [Hz].
-    poses_world_robot : shape (n, 3), headings in [-pi, pi) [m, m, rad].
-    """
-
-    rate: float
-    poses_world_robot: Array
-
-    @property
-    def stamps(self) -> Array:
-        """Time of each pose, shape (n,) [s]."""
-        return np.arange(len(self.poses_world_robot)) / self.rate
-
-    def at(self, times: Array) -> Array:
-        """Poses at times of shape (n,) [s], shape (n, 3) [m, m, rad]: on the straight line between the two beside it.
-
-        Before the first pose and after the last the robot stands.
-        """
-        last = len(self.poses_world_robot) - 1
-        places = np.clip(np.asarray(times) * self.rate, 0, last)
-        before = places.astype(np.int64)
-        starts, ends = self.poses_world_robot[before], self.poses_world_robot[np.minimum(before + 1, last)]
-        steps = ends - starts
-        steps[:, 2] = wrap_angle(steps[:, 2])
-        poses = starts + (places - before)[:, None] * steps
-        poses[:, 2] = wrap_angle(poses[:, 2])
-        return poses
+from sim.motion.true_trajectory import TrueTrajectory
 
 
 @dataclass(frozen=True, slots=True)
 class MotionLimits:
-    """Limits of the motion of a robot.
+    """Limits of the motion of a robot; the defaults are those of a small indoor robot.
 
     Parameters
     ----------
@@ -53,7 +20,7 @@ class MotionLimits:
     acceleration : largest change of the velocity [m/s^2].
     turn_rate : largest turn rate [rad/s].
     turn_acceleration : largest change of the turn rate [rad/s^2].
-    reach : a waypoint nearer than this has been reached [m].
+    reach : a waypoint counts as reached when the robot is nearer than this [m].
 
     Raises
     ------
@@ -76,13 +43,13 @@ class MotionLimits:
 
 @dataclass(frozen=True, slots=True)
 class Robot(MotionLimits):
-    """A differential drive; it never drives backwards."""
+    """A robot with a differential drive; it never drives backwards."""
 
-    def drive(self, waypoints: npt.ArrayLike, rate: float) -> Trajectory:
+    def drive(self, waypoints: npt.ArrayLike, rate: float) -> TrueTrajectory:
         """Drive through all waypoints and stop within reach of the last.
 
-        The robot starts on the first one, at rest and facing the second. It turns towards its waypoint as it goes,
-        slower the more it looks away from it.
+        The robot starts at the first waypoint, at rest and facing the second. It turns towards the next waypoint while
+        it drives, and drives the more slowly, the larger its heading error is.
 
         Parameters
         ----------
@@ -98,10 +65,10 @@ class Robot(MotionLimits):
         if points.shape[1:] != (2,):
             raise ValueError(f"expected at least two finite waypoints of shape (n, 2), got shape {points.shape}")
         _check_waypoints(points, self.reach, rate)
-        return Trajectory(rate, np.array(self._steps(points.tolist(), 1.0 / rate)))
+        return TrueTrajectory(rate, np.array(self._steps(points.tolist(), 1.0 / rate)))
 
     def _steps(self, points: list[list[float]], dt: float) -> list[tuple[float, float, float]]:
-        """Poses [m, m, rad] every ``dt`` [s] from the first point to a stop at the last."""
+        """Return the poses [m, m, rad], one every ``dt`` [s], from the first point to a stop at the last."""
         x, y = points[0]
         heading = math.atan2(points[1][1] - y, points[1][0] - x)
         speed = turn_rate = 0.0
@@ -121,9 +88,9 @@ class Robot(MotionLimits):
         return poses
 
     def _accelerate(self, speed: float, turn_rate: float, stop: float, error: float, dt: float) -> tuple[float, float]:
-        """Speed [m/s] and turn rate [rad/s] of the next step, as near to the wanted ones as the limits let them be.
+        """Return the speed [m/s] and turn rate [rad/s] of the next step, as near to those wanted as the limits allow.
 
-        ``stop`` is the distance in which to come to rest [m], ``error`` the direction of the waypoint ahead [rad].
+        ``stop`` is the distance in which to come to rest [m], ``error`` the heading error towards the waypoint [rad].
         """
         wanted_speed = min(self.speed * max(0.0, math.cos(error)), _braking_speed(self.acceleration, stop))
         change = self.acceleration * dt
@@ -132,13 +99,13 @@ class Robot(MotionLimits):
 
 @dataclass(frozen=True, slots=True)
 class OmniRobot(MotionLimits):
-    """A base that drives in any direction, with its velocity limited in any, and turns as it likes."""
+    """An omnidirectional base: the same limits hold in every direction, and it turns independently of its motion."""
 
-    def drive(self, waypoints: npt.ArrayLike, rate: float) -> Trajectory:
+    def drive(self, waypoints: npt.ArrayLike, rate: float) -> TrueTrajectory:
         """Drive through all waypoints and stop within reach of the last.
 
-        The robot starts on the first one, at rest. On its way to a waypoint it turns to the heading given with it,
-        independently of where it drives; where the way is too short for that, it goes on as it has come.
+        The robot starts at the first waypoint, at rest. On its way to a waypoint it turns to the heading of that
+        waypoint; where the distance is too short for the turn, it drives on with the heading that it has reached.
 
         Parameters
         ----------
@@ -154,10 +121,10 @@ class OmniRobot(MotionLimits):
         if points.shape[1:] != (3,):
             raise ValueError(f"expected at least two finite waypoints of shape (n, 3), got shape {points.shape}")
         _check_waypoints(points, self.reach, rate)
-        return Trajectory(rate, np.array(self._steps(points.tolist(), 1.0 / rate)))
+        return TrueTrajectory(rate, np.array(self._steps(points.tolist(), 1.0 / rate)))
 
     def _steps(self, points: list[list[float]], dt: float) -> list[tuple[float, float, float]]:
-        """Poses [m, m, rad] every ``dt`` [s] from the first point to a stop at the last."""
+        """Return the poses [m, m, rad], one every ``dt`` [s], from the first point to a stop at the last."""
         x, y, heading = points[0]
         vx = vy = turn_rate = 0.0
         poses = [(x, y, wrap_angle(heading))]
@@ -187,15 +154,19 @@ def _check_waypoints(points: Array, reach: float, rate: float) -> None:
 
 
 def _braking_speed(acceleration: float, stop: float) -> float:
-    """Speed [m/s] from which to come to rest in ``stop`` [m].
+    """Return the speed [m/s] from which the robot comes to rest within ``stop`` [m].
 
-    It takes four fifths of what the limit allows, so that the step behind is made up for.
+    It assumes four fifths of the largest deceleration, which leaves a margin for discrete steps.
     """
     return math.sqrt(1.6 * acceleration * stop)
 
 
 def _turn_towards(limits: MotionLimits, turn_rate: float, error: float, dt: float) -> float:
-    """Turn rate of the next step [rad/s], to make a heading error of ``error`` vanish without going past it."""
+    """Return the turn rate of the next step [rad/s], which reduces a heading error [rad] without overshoot.
+
+    It is at most half of the rate from which the limit stops the turn in time, which leaves a margin for discrete
+    steps, and at most 4 /s of the error, so that small errors decay smoothly, with a time constant of 0.25 s.
+    """
     braking = math.sqrt(2.0 * limits.turn_acceleration * abs(error))
     wanted = math.copysign(min(limits.turn_rate, 0.5 * braking, 4.0 * abs(error)), error)
     change = limits.turn_acceleration * dt

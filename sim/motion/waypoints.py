@@ -1,4 +1,4 @@
-"""Paths of a robot from files."""
+"""Reader of the waypoints of a robot from a file."""
 
 import json
 import math
@@ -10,12 +10,13 @@ from features.se2 import Array
 from sim.errors import WorldError
 
 COLUMNS = "x,y"
+"""Columns of a file of lines, as messages name them."""
 
 
 def read_waypoints(path: Path) -> Array:
-    """Read waypoints from lines ``x,y`` or from a JSON list ``[[x, y], ...]``, world frame [m].
+    """Read waypoints, world frame [m], from lines ``x,y`` or from a JSON list ``[[x, y], ...]``.
 
-    In lines, blanks do as well as the comma; a first line ``x,y``, and lines that begin with ``#``, are skipped.
+    Lines may have blanks in place of the comma; a first line ``x,y``, and lines that start with ``#``, are skipped.
 
     Parameters
     ----------
@@ -43,7 +44,7 @@ def read_waypoints(path: Path) -> Array:
 
 
 def _from_lines(path: Path, text: str) -> list[tuple[float, float]]:
-    points = []
+    points: list[tuple[float, float]] = []
     for number, line in enumerate(text.splitlines(), start=1):
         fields = line.replace(",", " ").split()
         if not fields or fields[0].startswith("#") or (not points and fields == ["x", "y"]):
@@ -62,7 +63,7 @@ def _from_json(path: Path, text: str) -> list[tuple[float, float]]:
 
 def _point(values: object, where: str) -> tuple[float, float]:
     try:
-        x, y = map(float, values)  # type: ignore[call-overload]  # what else comes is what the except is for
+        x, y = map(float, values)  # type: ignore[call-overload]  # other types raise the errors below
     except (TypeError, ValueError):
         raise WorldError(f"{where}: {str(values)[:60]}: expected x and y [m]") from None
     if not (math.isfinite(x) and math.isfinite(y)):

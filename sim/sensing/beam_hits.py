@@ -1,4 +1,4 @@
-"""What the beams of a scan meet: walls, glass and people."""
+"""What the beams of a scan hit: walls, glass and people."""
 
 import math
 from collections.abc import Sequence
@@ -15,13 +15,13 @@ from sim.worlds.world import World
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Hits:
-    """What each beam met, shape (n,) each.
+    """What each beam of a scan hits, shape (n,) each.
 
     Parameters
     ----------
-    ranges : exact range to it [m]; inf where it met nothing.
-    wall_ids : wall that it met; -1 where it met none.
-    person_ids : person that it met; -1 where it met none.
+    ranges : exact range to the hit [m]; inf where the beam hits nothing.
+    wall_ids : wall that is hit; -1 where none is.
+    person_ids : person who is hit; -1 where none is.
     """
 
     ranges: Array
@@ -29,7 +29,7 @@ class Hits:
     person_ids: npt.NDArray[np.int64]
 
 
-def cast_into(
+def cast_beams_at(
     world: World,
     people: Sequence[Person],
     glass_incidence: float,
@@ -37,12 +37,12 @@ def cast_into(
     angles: Array,
     times: Array,
 ) -> Hits:
-    """Follow beams to the first thing that returns them.
+    """Find the first wall or person that returns each beam.
 
     Parameters
     ----------
     world : the walls.
-    people : who is about.
+    people : the people in the world.
     glass_incidence : glass returns beams up to this incidence and lets the others through [rad].
     poses_world_sensor : pose of the sensor, shape (3,), or at each beam, shape (n, 3) [m, m, rad].
     angles : direction of each beam, sensor frame, shape (n,) [rad].
@@ -75,27 +75,35 @@ def cast_into(
 def cos_incidence(
     world: World, people: Sequence[Person], hits: Hits, poses_world_sensor: Array, angles: Array, times: Array
 ) -> Array:
-    """Cosine of the angle between each beam and the normal of what it met, shape (n,); 1 where it met nothing.
+    """Return the cosine of the incidence of each beam on what it hit, shape (n,); 1 where it hit nothing.
 
-    The parameters are those of :func:`cast_into` and its result.
+    Incidence is the angle between the beam and the surface normal. The parameters are those of
+    :func:`cast_beams_at`, and its result.
     """
     origins, directions = _beams(poses_world_sensor, angles)
     cosines = np.where(hits.wall_ids >= 0, _cos_to_wall(world, hits.wall_ids, directions), 1.0)
     for index, person in enumerate(people):
-        met = hits.person_ids == index
-        cosines[met] = person.cast(origins[met], directions[met], times[met])[1]
+        hit = hits.person_ids == index
+        cosines[hit] = person.cast(origins[hit], directions[hit], times[hit])[1]
     return cosines
 
 
 def mix_edges(
     hits: Hits, right: Hits, left: Hits, mixed_share: float, rng: np.random.Generator
 ) -> tuple[Array, npt.NDArray[np.bool_]]:
-    """Mix what the two edges of beams hit, where they hit different things and chance will have it.
+    """Make mixed pixels of some beams whose two edges hit different things (Tuley et al. 2005).
+
+    Parameters
+    ----------
+    hits : what the beams hit.
+    right, left : what their right and left edges hit.
+    mixed_share : probability that a beam whose edges hit different things is mixed.
+    rng : source of the choice and of the ranges.
 
     Returns
     -------
-    ranges : those of ``hits``, or anywhere between those of the two edges, shape (n,) [m].
-    mixed : whether they are mixed, shape (n,).
+    ranges : those of ``hits``, or where mixed uniform between those of the two edges, shape (n,) [m].
+    mixed : whether each beam is mixed, shape (n,).
     """
     n = hits.ranges.size
     apart = (right.wall_ids != left.wall_ids) | (right.person_ids != left.person_ids)
@@ -108,7 +116,7 @@ def mix_edges(
 
 
 def _beams(poses_world_sensor: Array, angles: Array) -> tuple[Array, Array]:
-    """Origin and unit vector of each beam, shape (n, 2) each, world frame [m]."""
+    """Return the origin and the unit vector of each beam, shape (n, 2) each, world frame [m]."""
     poses = np.broadcast_to(poses_world_sensor, (angles.size, 3))
     directions = np.empty((2, angles.size))
     sincos(poses[:, 2] + angles, 0.0, *directions)
@@ -116,12 +124,12 @@ def _beams(poses_world_sensor: Array, angles: Array) -> tuple[Array, Array]:
 
 
 def _cos_to_wall(world: World, wall_ids: npt.NDArray[np.int64], directions: Array) -> Array:
-    """Cosine of the incidence of beams, shape (n,), on their walls."""
+    """Return the cosine of the incidence of beams on their walls, shape (n,)."""
     return abs((directions * world.normals[wall_ids]).sum(axis=1))
 
 
 def _hit_pane(world: World, pane: int, cos_limit: float, origins: Array, directions: Array) -> Array:
-    """Ranges of beams to a pane of glass that they meet squarely enough to return, shape (n,) [m]; inf elsewhere."""
+    """Return the ranges of beams to a pane of glass, shape (n,) [m]; inf where a beam misses or passes through."""
     start, end = world.walls[pane, :2] - origins, world.walls[pane, 2:] - origins
     side_start = directions[:, 0] * start[:, 1] - directions[:, 1] * start[:, 0]
     side_end = directions[:, 0] * end[:, 1] - directions[:, 1] * end[:, 0]

@@ -1,4 +1,4 @@
-"""What real scanners add to the noise of section III of the paper."""
+"""Effects of real scanners that the noise of section III of the paper leaves out."""
 
 import math
 from collections.abc import Mapping
@@ -10,6 +10,7 @@ import numpy as np
 from features.se2 import Array
 
 _HIGHEST = {"mixed_share": 1.0, "lost_share": 1.0, "glass_incidence": math.pi / 2.0}
+"""Largest value of the parameters that have one."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -18,21 +19,21 @@ class Effects:
 
     Parameters
     ----------
-    sweep_time : from the first beam of a scan to the first of the next sweep over the same angles [s]; each beam is
-        cast from where the robot is then, the last one at the stamp. 0 takes all beams at once.
-    beam_width : full angle over which a beam spreads [rad]; the echo comes from anywhere in it, evenly, which adds a
+    sweep_time : time from the first beam of a scan to the first of the next sweep over the same angles [s]; each beam
+        is cast from the pose of the robot at its time, the last one at the stamp. 0 takes all beams at once.
+    beam_width : full angle over which a beam spreads [rad]; the echo comes from a uniform direction in it, which adds a
         variance of ``beam_width^2 / 12`` to that of the bearing.
-    mixed_share : probability that a beam whose two edges hit different things gives a range between those of its
-        edges, evenly.
+    mixed_share : probability that a beam whose two edges hit different things gives a uniform range between those
+        of its edges (a mixed pixel).
     range_growth : the variance of a range r is ``sigma_range^2 + (range_growth r)^2`` [m/m].
     lost_share : probability that a beam is lost, whatever it hits.
     fade_range : a beam at range r and incidence i returns with the probability ``exp(-(r / fade_range)^2 / cos(i))``
-        [m]: that an echo of exponentially distributed power (speckle), of a mean that falls with ``cos(i) / r^2``, is
-        above the threshold. Infinity keeps all.
-    glass_incidence : a wall of glass returns beams up to this incidence and lets the others through [rad]; pi / 2 makes
-        glass a wall like any other.
-    range_step : ranges are reported in whole multiples of it [m]; 0 reports them as they are.
-    angle_step : the same of the angles [rad].
+        [m]: that is the probability that an echo of exponentially distributed power (speckle), whose mean falls with
+        ``cos(i) / r^2``, exceeds the threshold of the detector. Infinity keeps all beams.
+    glass_incidence : a wall of glass returns beams up to this incidence and lets the others through [rad]; pi / 2
+        makes glass a wall like any other.
+    range_step : ranges are reported in whole multiples of it [m]; 0 reports them unrounded.
+    angle_step : angles are reported in whole multiples of it [rad]; 0 reports them unrounded.
 
     Raises
     ------
@@ -62,13 +63,13 @@ class Effects:
             raise ValueError(f"mixed_share is {self.mixed_share:g}, but a beam of beam_width 0 has no edges")
 
     def spread(self, directions: Array, rng: np.random.Generator) -> Array:
-        """Directions from which the echoes of beams come, shape (n,) [rad]."""
+        """Draw the directions from which the echoes of beams come, shape (n,) [rad]."""
         if self.beam_width == 0.0:
             return directions
         return directions + self.beam_width * rng.uniform(-0.5, 0.5, directions.size)
 
     def sigma(self, sigma_range: float, ranges: Array) -> float | Array:
-        """Give the standard deviation of ranges, shape (n,) or one for all [m]."""
+        """Return the standard deviation of each range, shape (n,), or one for all [m]."""
         if self.range_growth == 0.0:
             return sigma_range
         return np.hypot(sigma_range, self.range_growth * np.where(np.isfinite(ranges), ranges, 0.0))
@@ -79,23 +80,23 @@ class Effects:
         return self.lost_share > 0.0 or math.isfinite(self.fade_range)
 
     def return_probability(self, ranges: Array, cosines: Array) -> Array:
-        """Probability that beams of these ranges [m] and cosines of incidence return, shape (n,)."""
+        """Return the probability that beams of these ranges [m] and cosines of incidence return, shape (n,)."""
         if math.isinf(self.fade_range):
             return np.full(ranges.size, 1.0 - self.lost_share)
         fading = (ranges / self.fade_range) ** 2 / np.maximum(cosines, np.finfo(np.float64).tiny)
         return (1.0 - self.lost_share) * np.exp(-fading)
 
 
-def in_steps(values: Array, step: float) -> Array:
-    """Values as the nearest whole multiples of a step; as they are where it is 0."""
+def round_to_step(values: Array, step: float) -> Array:
+    """Round values to whole multiples of a step; with a step of 0 they are unchanged."""
     return values if step == 0.0 else step * np.round(values / step)
 
 
 EFFECTS: Mapping[str, Effects] = MappingProxyType(
     {
         "ideal": Effects(),
-        # Sweep, steps and range by its data sheet and protocol: 10 Hz; whole millimetres and 1/64 deg; 40 m on white,
-        # where half of the beams are taken to return. Width and shares are assumed.
+        # Sweep, steps and range are those of its data sheet and protocol: 10 Hz, whole millimetres and 1/64 deg, and
+        # 40 m on white, where half of the beams are assumed to return. Width, shares and incidence are assumed.
         "rplidar-s1": Effects(
             sweep_time=0.1,
             beam_width=3e-3,
@@ -106,7 +107,8 @@ EFFECTS: Mapping[str, Effects] = MappingProxyType(
             range_step=1e-3,
             angle_step=math.radians(1.0 / 64.0),
         ),
-        # Mirror at 75 Hz, half a turn of it in sight; whole centimetres; 4.4 mrad; 80 m. Shares are assumed.
+        # From its data sheet: a mirror at 75 Hz that scans during half a turn, whole centimetres, 4.4 mrad, and 80 m,
+        # where half of the beams are assumed to return. Shares and incidence are assumed.
         "sick-lms": Effects(
             sweep_time=0.5 / 75.0,
             beam_width=4.4e-3,

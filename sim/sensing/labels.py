@@ -1,4 +1,4 @@
-"""Which corner of the world an observation is."""
+"""Labels of observed corners: which corner of the world each of them is."""
 
 import numpy as np
 import numpy.typing as npt
@@ -10,14 +10,14 @@ from sim.worlds.world import World
 def label_corners(
     world: World, wall_ids: npt.NDArray[np.int64], positions_world: Array, reach: float
 ) -> npt.NDArray[np.int64]:
-    """Find the true corner of each observed one: the nearest of those whose two walls the scan hit.
+    """Find the true corner of each observed corner: the nearest one of those whose two walls the scan hit.
 
     Parameters
     ----------
     world : the walls and their corners.
     wall_ids : wall that each beam of the scan hit, -1 for none, shape (n,).
-    positions_world : observed corners, carried to the world frame with the true pose, shape (k, 2) [m].
-    reach : an observation farther than this from every such corner is of none of them [m].
+    positions_world : observed corners, transformed to the world frame with the true pose, shape (k, 2) [m].
+    reach : an observed corner farther than this from every such corner has no label [m].
 
     Returns
     -------
@@ -25,7 +25,7 @@ def label_corners(
     """
     hit = np.zeros(len(world.walls) + 1, dtype=np.bool_)
     hit[wall_ids] = True
-    hit[-1] = False  # where -1, no wall, was counted
+    hit[-1] = False  # -1 in wall_ids, no wall, has set it
     seen = np.flatnonzero(hit[world.corner_walls].all(axis=1))
     if len(seen) == 0:
         return np.full(len(positions_world), -1)

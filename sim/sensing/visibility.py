@@ -1,4 +1,4 @@
-"""Which walls and corners a scan without noise shows from a pose."""
+"""Visibility: the walls and corners that a scan without noise shows from a pose."""
 
 import math
 from dataclasses import dataclass
@@ -10,18 +10,18 @@ from features.se2 import Array, Pose, pose
 from sim.worlds.world import World
 
 _ROUNDING = 1e-9
-"""A beam this near to the direction of a corner may hit either wall of it [rad]."""
+"""A beam this near to the direction of a corner may hit either of its walls, by rounding [rad]."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class VisibleSections:
-    """Straight sections of a scan: runs of neighbouring beams that hit one wall, counter-clockwise.
+    """Sections of a scan: runs of neighbouring beams that hit the same wall, counter-clockwise.
 
     Parameters
     ----------
-    wall_ids : wall that each section is a piece of, shape (m,).
-    first_beams, last_beams : beams at the two ends of each section, counter-clockwise, shape (m,); a section that
-        lies across the first beam of the scan has its first beam behind its last.
+    wall_ids : wall of each section, shape (m,).
+    first_beams, last_beams : beams at the two ends of each section, counter-clockwise, shape (m,); in a
+        section that wraps around the end of the scan the first is the larger number.
     lengths : distance between the points that the first and the last beam hit, shape (m,) [m].
     beam_counts : beams on each section, shape (m,).
     """
@@ -37,20 +37,20 @@ class VisibleSections:
         return len(self.wall_ids)
 
     def shown(self, min_beams: int, min_length: float) -> npt.NDArray[np.bool_]:
-        """Whether each section has at least so many beams and metres, shape (m,)."""
+        """Return whether each section has at least this number of beams and this length [m], shape (m,)."""
         return (self.beam_counts >= min_beams) & (self.lengths >= min_length)
 
 
 def visible_sections(world: World, pose_world_sensor: Pose, beams: int = 920) -> VisibleSections:
-    """Split a scan without noise into the pieces of walls that it shows.
+    """Split a scan without noise into the sections of walls that it shows.
 
-    A wall that something hides in the middle is seen in two sections; one that hides between two beams, in one.
+    A wall whose middle is hidden is seen in two sections. What lies between two beams does not split a wall.
 
     Parameters
     ----------
     world : the walls.
     pose_world_sensor : pose of the sensor, shape (3,) [m, m, rad].
-    beams : beams over the full turn; the first looks straight behind the sensor.
+    beams : number of beams over the full turn; the first points straight back.
 
     Returns
     -------
@@ -68,7 +68,7 @@ def visible_sections(world: World, pose_world_sensor: Pose, beams: int = 920) ->
     ranges, wall_ids = world.cast(pose(*origin), angles)
     first = np.flatnonzero((wall_ids != np.roll(wall_ids, 1)) & (wall_ids >= 0))
     last = np.flatnonzero((wall_ids != np.roll(wall_ids, -1)) & (wall_ids >= 0))
-    if len(first) == 0 and wall_ids[0] >= 0:  # the sensor stands on a wall, which covers every beam
+    if len(first) == 0 and wall_ids[0] >= 0:  # the sensor is on a wall, which every beam hits
         first, last = np.array([0]), np.array([beams - 1])
     elif len(first) > 0 and last[0] < first[0]:
         last = np.roll(last, -1)
@@ -87,19 +87,19 @@ def visible_sections(world: World, pose_world_sensor: Pose, beams: int = 920) ->
 def visible_corners(
     world: World, pose_world_sensor: Pose, min_beams: int, min_length: float, beams: int = 920
 ) -> npt.NDArray[np.int64]:
-    """Find the corners whose two walls a scan without noise both shows, up to the corner.
+    """Find the corners of which a scan without noise shows both walls up to the corner.
 
     Parameters
     ----------
     world : the walls and their corners.
     pose_world_sensor : pose of the sensor, shape (3,) [m, m, rad].
-    min_beams : beams that each of the two sections that end at the corner has at least.
-    min_length : length that each of them has at least, between its first and its last beam [m].
-    beams : beams over the full turn; the first looks straight behind the sensor.
+    min_beams : least number of beams of each of the two sections that end at the corner.
+    min_length : least length of each of them, between its first and its last beam [m].
+    beams : number of beams over the full turn; the first points straight back.
 
     Returns
     -------
-    Indices into ``world.corners``, shape (c,), clockwise from where the sensor heads.
+    Indices into ``world.corners``, shape (c,), clockwise from the heading of the sensor.
 
     Raises
     ------
@@ -120,7 +120,7 @@ def visible_corners(
         if corner is None:
             continue
         direction = math.atan2(*(world.corners[corner] - pose_world_sensor[:2])[::-1])
-        # Of two walls that meet elsewhere, one may end in front of the other.
+        # The sections may also be neighbours because one wall ends in front of the other, away from their corner.
         behind_last = (direction - angles[last] + _ROUNDING) % (2.0 * math.pi) - _ROUNDING
         if behind_last <= 2.0 * math.pi / beams + _ROUNDING:
             found.append(((pose_world_sensor[2] - direction) % (2.0 * math.pi), corner))
@@ -128,5 +128,5 @@ def visible_corners(
 
 
 def _directions(pose_world_sensor: Pose, beams: int) -> Array:
-    """Direction of each beam, world frame, shape (beams,) [rad]."""
+    """Return the direction of each beam, world frame, shape (beams,) [rad]."""
     return pose_world_sensor[2] - math.pi + 2.0 * math.pi * np.arange(beams) / beams

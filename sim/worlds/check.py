@@ -1,26 +1,27 @@
-"""What is wrong with walls."""
+"""A check of walls: overlaps, crossings, open ends and walls that are unusable."""
 
 from collections.abc import Iterator
+from typing import cast
 
 import numpy as np
 import numpy.typing as npt
 import shapely
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import connected_components
+from scipy.sparse import coo_array  # pyright: ignore[reportMissingTypeStubs]  # scipy is untyped
+from scipy.sparse.csgraph import connected_components  # pyright: ignore[reportMissingTypeStubs, reportUnknownVariableType]  # scipy is untyped
 
 from features.se2 import Array
 
 MEET = 1e-6
-"""Walls nearer to each other than this meet [m]."""
+"""Walls nearer to each other than this meet [m]: files round coordinates to a micrometre."""
 
 Indices = npt.NDArray[np.int64]
 
 
 def findings(walls: Array) -> list[str]:
-    """List what is wrong with walls, a line each with its coordinates.
+    """List what is wrong with walls, one line for each finding with its coordinates.
 
-    Walls without length or with coordinates that are not finite; walls that lie on each other; walls that cross; and
-    what :func:`open_ends` lists. Where a wall ends on another one, nothing is wrong.
+    Listed are walls without length or with coordinates that are not finite, walls that overlap, walls that cross, and
+    what :func:`open_ends` lists. A wall may end on another one.
 
     Parameters
     ----------
@@ -38,12 +39,12 @@ def findings(walls: Array) -> list[str]:
 
 
 def open_ends(walls: Array) -> list[str]:
-    """List the outlines that are not closed, and the other ends of walls that meet no wall, a line each.
+    """List the outlines that are not closed, and any other ends of walls that meet no wall, one line for each.
 
     Parameters
     ----------
     walls : end points ``x1 y1 x2 y2`` of each wall, world frame, shape (n, 4) [m]; those without length, or with
-        coordinates that are not finite, do not count.
+        coordinates that are not finite, are ignored.
     """
     names = np.flatnonzero(np.isfinite(walls).all(axis=1) & (_lengths(walls) > MEET))
     walls = walls[names]
@@ -52,10 +53,12 @@ def open_ends(walls: Array) -> list[str]:
     meets = np.zeros((len(walls), 2), dtype=np.bool_)
     for one, other in ((first, second), (second, first)):
         for end in (0, 1):
-            near = shapely.distance(shapely.points(ends[one, end]), lines[other]) <= MEET
+            points = np.asarray(shapely.points(ends[one, end]), dtype=np.object_)
+            distances = shapely.distance(points, lines[other])  # pyright: ignore[reportUnknownMemberType]  # its keyword arguments are untyped
+            near = distances <= MEET
             meets[one[near], end] = True
     joined = coo_array((np.ones(len(first)), (first, second)), shape=(len(walls), len(walls)))
-    _, part = connected_components(joined, directed=False)
+    part = cast(npt.NDArray[np.int32], connected_components(joined, directed=False)[1])
     found: list[str] = []
     for label in np.unique(part[~meets.all(axis=1)]):
         members = np.flatnonzero(part == label)
@@ -73,7 +76,7 @@ def open_ends(walls: Array) -> list[str]:
 
 
 def segments(ends: Array) -> npt.NDArray[np.object_]:
-    """Lines, shape (n,), between pairs of points, shape (n, 2, 2) [m]."""
+    """Make line segments, shape (n,), of pairs of points, shape (n, 2, 2) [m]."""
     return np.atleast_1d(np.asarray(shapely.linestrings(ends), dtype=np.object_))
 
 
@@ -105,7 +108,7 @@ def _overlaps_and_crossings(walls: Array, names: Indices) -> Iterator[str]:
 
 
 def _near(walls: Array) -> tuple[Indices, Indices]:
-    """Pairs of walls that meet or cross, each once, the first index below the second, shape (k,) each."""
+    """Return the pairs of walls that meet or cross, each once, the first index below the second, shape (k,) each."""
     lines = segments(walls.reshape(-1, 2, 2))
     first, second = shapely.STRtree(lines).query(lines, predicate="dwithin", distance=MEET)
     once = first < second

@@ -1,4 +1,5 @@
-"""Where exactly two walls end."""
+# pyright: standard
+"""The corners of walls: points where exactly two walls end."""
 
 import numpy as np
 import numpy.typing as npt
@@ -9,14 +10,16 @@ from features.se2 import Array
 from sim.casting.wall_index import WallIndex
 
 TOUCH = 1e-9
-"""Walls nearer to each other than this meet [m]."""
+"""Walls nearer to each other than this meet [m]: far above the rounding of coordinates of a kilometre (1e-13 m), far
+below the length of any wall."""
 
 STRAIGHT = 1e-6
-"""Two walls whose directions differ by less than this are one straight wall [rad]."""
+"""Two walls whose directions differ by less than this are one straight wall [rad]: rounding turns walls of a millimetre
+or more by less."""
 
 
 def find_corners(walls: Array, index: WallIndex) -> tuple[Array, Array, npt.NDArray[np.int64]]:
-    """Corners of walls, shape (n, 4), in the order in which the walls mention them.
+    """Find the corners of walls, shape (n, 4), in the order in which the ends of the walls come upon them.
 
     Returns
     -------
@@ -36,14 +39,14 @@ def find_corners(walls: Array, index: WallIndex) -> tuple[Array, Array, npt.NDAr
     cross = first[:, 0] * second[:, 1] - first[:, 1] * second[:, 0]
     opening_angles = np.abs(np.arctan2(cross, (first * second).sum(axis=1)))
     kept = np.flatnonzero(ends_there & (opening_angles > STRAIGHT) & (opening_angles < np.pi - STRAIGHT))
-    # Both walls of a corner mention it.
+    # Each corner was found from both of its walls.
     kept = kept[np.sort(np.unique(pairs[at[kept]], axis=0, return_index=True)[1])]
     return points[at[kept]], opening_angles[kept], pairs[at[kept]]
 
 
 @kernel(f8[:, ::1], i8[::1], f8[:, ::1], i8[::1], f8[:, ::1])
 def _meeting_walls(boxes, bounds, walls, ids, points):
-    """Pair of walls, ascending, that each point lies on, shape (p, 2); -1 where they are not two."""
+    """Return the two walls that each point lies on, ascending, shape (p, 2); -1 where they are not exactly two."""
     pairs = np.full((len(points), 2), -1)
     stack = np.empty(64, np.int64)
     for i in range(len(points)):

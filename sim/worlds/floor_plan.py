@@ -1,4 +1,4 @@
-"""Walls of a building from the free space inside it."""
+"""Floor plans: the walls of a building from the free space inside it."""
 
 from collections.abc import Iterator, Sequence
 
@@ -10,17 +10,17 @@ from sim.errors import WorldError
 from sim.worlds.world import World
 
 MERGE = 1e-6
-"""Shapes are joined on a grid of this width, so that edges that coincide but for rounding become one [m]."""
+"""Shapes are joined on a grid of this width, so that edges that differ by rounding alone become one [m]."""
 
 
 def floor_plan(name: str, free: Sequence[shapely.Polygon], solid: Sequence[shapely.Polygon] = ()) -> World:
-    """Make a world whose walls bound what is free: rooms, corridors and doorways, without what stands in them.
+    """Make a world whose walls bound the free space: rooms, corridors and doorways, less the furniture in them.
 
     Parameters
     ----------
     name : short name, fit for a folder.
-    free : shapes whose union is free; rooms are joined by the doorways that overlap or touch them, world frame [m].
-    solid : shapes that are not, such as furniture; one that stands against a wall becomes part of it.
+    free : shapes whose union is free, world frame [m]; doorways overlap or touch the rooms that they join.
+    solid : shapes that are occupied, such as furniture, world frame [m]; one that touches a wall becomes part of it.
 
     Raises
     ------
@@ -37,8 +37,9 @@ def floor_plan(name: str, free: Sequence[shapely.Polygon], solid: Sequence[shape
 
 
 def outlines(shape: shapely.Geometry) -> Iterator[Array]:
-    """Yield the vertices, shape (n, 2), of each ring of a polygon or of several, without those on a straight line."""
-    # The ring starts at its least vertex, which lies on the hull: the one vertex that simplify() keeps is a true one.
+    """Yield the vertices, shape (n, 2), of each ring of one or more polygons, without vertices on a straight line."""
+    # simplify() always keeps the first vertex of a ring. A normalized ring starts at its least vertex, which lies on
+    # the hull, so that it is a corner.
     for polygon in shapely.get_parts(shapely.simplify(shapely.normalize(shape), 0.0)):
         for ring in (polygon.exterior, *polygon.interiors):
             yield np.asarray(ring.coords)[:-1]

@@ -1,4 +1,4 @@
-"""Walls as drawn, before anything is known to be right with them, and a path through them."""
+"""A site: the walls of a world as they were drawn, not checked yet, and a path through them."""
 
 from dataclasses import dataclass
 from typing import Self
@@ -12,7 +12,9 @@ from sim.worlds.world import World
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Site:
-    """What a built-in world or a file holds.
+    """Walls as a built-in world or a file gives them, and a path of a robot.
+
+    The walls may be unusable; :meth:`world` makes a world of them or says what is wrong.
 
     Parameters
     ----------
@@ -29,7 +31,7 @@ class Site:
 
     @classmethod
     def of(cls, world: World, waypoints: npt.ArrayLike) -> Self:
-        """Put a world and a path through it together."""
+        """Make a site of a world and a path through it, shape (k, 2), world frame [m]."""
         return cls(world.name, world.walls, world.glass, np.asarray(waypoints, dtype=np.float64))
 
     def world(self) -> World:

@@ -1,4 +1,4 @@
-"""A world made of straight walls, and the corners where they meet."""
+"""A world of straight walls, and the corners where they meet."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
@@ -8,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from features.se2 import Array, Pose
-from sim.casting.raycast import WallIds, cast_beams, cast_fans
+from sim.casting.raycast import WallIds, cast_beams, cast_scans
 from sim.casting.wall_index import WallIndex
 from sim.errors import WorldError
 from sim.worlds.corners import TOUCH, find_corners
@@ -16,13 +16,13 @@ from sim.worlds.corners import TOUCH, find_corners
 
 @dataclass(frozen=True, slots=True, eq=False)
 class World:
-    """Walls, world frame, and the corners that follow from them.
+    """Walls in the world frame, and their corners.
 
     Parameters
     ----------
     name : short name, fit for a folder.
     walls : end points ``x1 y1 x2 y2`` of each wall, shape (n, 4), n >= 1 [m].
-    glass : whether each wall is of glass, shape (n,); where it is not given, none is.
+    glass : whether each wall is of glass, shape (n,); by default none is.
 
     Attributes
     ----------
@@ -73,7 +73,7 @@ class World:
         object.__setattr__(self, "_solid_index", WallIndex.of(walls, ~glass) if glass.any() else index)
 
     def cast(self, pose_world_sensor: Pose, angles: Array) -> tuple[Array, WallIds]:
-        """Range to the nearest wall along each beam; what counts as hit is said in :mod:`sim.casting.raycast`.
+        """Return the range to the nearest wall along each beam; :mod:`sim.casting.raycast` states what counts as a hit.
 
         Parameters
         ----------
@@ -88,21 +88,21 @@ class World:
         Raises
         ------
         ValueError
-            A shape is another, a value is not finite, or a beam points beyond 1e6 rad.
+            A shape is wrong, a value is not finite, or the direction of a beam is beyond 1e6 rad.
         """
-        ranges, wall_ids = cast_fans(self._index, np.asarray(pose_world_sensor)[None], angles)
+        ranges, wall_ids = cast_scans(self._index, np.asarray(pose_world_sensor)[None], angles)
         return ranges[0], wall_ids[0]
 
     def cast_batch(self, poses_world_sensor: Array, angles: Array) -> tuple[Array, WallIds]:
-        """As :meth:`cast` from each of many poses, shape (m, 3) [m, m, rad]; both results have shape (m, k)."""
-        return cast_fans(self._index, poses_world_sensor, angles)
+        """Cast one scan from each of many poses, shape (m, 3) [m, m, rad]; as :meth:`cast`, with shapes (m, k)."""
+        return cast_scans(self._index, poses_world_sensor, angles)
 
     def cast_beams(
         self, poses_world_sensor: Array, angles: Array, *, through_glass: bool = False
     ) -> tuple[Array, WallIds]:
-        """As :meth:`cast`, but each beam from where the sensor is then, shape (k, 3) [m, m, rad].
+        """Cast as :meth:`cast` does, but each beam from a pose of its own, shape (k, 3) [m, m, rad].
 
-        With ``through_glass`` walls of glass are not there.
+        With ``through_glass``, walls of glass are ignored.
         """
         return cast_beams(self._solid_index if through_glass else self._index, poses_world_sensor, angles)
 
@@ -127,7 +127,7 @@ class World:
 
 
 def _polygon_walls(name: str, index: int, polygon: npt.ArrayLike) -> Array:
-    """Walls, shape (n, 4) [m], of a closed polygon of n vertices."""
+    """Return the walls, shape (n, 4) [m], of a closed polygon of n vertices."""
     where = f"world {name!r}, polygon {index}"
     vertices = np.asarray(polygon, dtype=np.float64)
     if vertices.ndim != 2 or vertices.shape[1] != 2:

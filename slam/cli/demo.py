@@ -19,7 +19,7 @@ def demo(
     from dataclasses import replace
     from datetime import datetime
 
-    from sim.run import room_run
+    from sim.scenarios import room_run
     from slam.config_file import load_config
     from slam.evaluation.evaluate import evaluate_simulated
     from slam.pipeline import Slam

@@ -21,7 +21,9 @@ from slam.cli.scanner.live import live
 from slam.cli.scanner.record import record
 from slam.cli.scanner.replay import replay
 from slam.cli.study import study
-from slam.cli.world import export, simulate, world
+from slam.cli.worlds.export import export
+from slam.cli.worlds.simulate import simulate
+from slam.cli.worlds.world import world
 
 app = typer.Typer(
     name="cwlf-slam",

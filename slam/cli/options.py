@@ -1,7 +1,7 @@
 """Options that several commands share."""
 
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Literal
 
 import typer
 
@@ -35,3 +35,16 @@ Config = Annotated[
     Path | None,
     typer.Option("--config", help="TOML file with any of the keys that `cwlf-slam config` prints."),
 ]
+
+EffectsOption = Annotated[
+    Literal["ideal", "rplidar-s1", "sick-lms"],
+    typer.Option(
+        "--effects",
+        help="What the scanner does beside the noise of the paper, such as motion during a sweep, mixed pixels, lost "
+        "beams, glass and steps: that of a sensor, or ideal, nothing.",
+    ),
+]
+OdometryOption = Annotated[
+    Literal["exact", "good", "poor", "slipping"], typer.Option("--odometry", help="Errors of the wheels.")
+]
+People = Annotated[int, typer.Option("--people", min=0, help="People who go to and fro beside the path.")]

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
-from slam.cli.world import EffectsOption, OdometryOption, People
+from slam.cli.options import EffectsOption, OdometryOption, People
 
 if TYPE_CHECKING:
     from distributed import Client

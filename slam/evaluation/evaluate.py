@@ -19,7 +19,7 @@ from slam.result.trajectory import Trajectory
 from slam.result.trajectory_file import read_trajectory_file
 
 if TYPE_CHECKING:
-    from sim.run import SimulatedRun
+    from sim.simulated_run import SimulatedRun
 
 Report = dict[str, dict[str, float]]
 """Figures by what they were measured against and by name with unit."""

@@ -97,7 +97,7 @@ def relations(truth: Relations, estimate: Trajectory, tolerance: float = RELATIO
     Parameters
     ----------
     truth : true motions.
-    estimate : trajectory; its pose nearest in time stands for a stamp.
+    estimate : trajectory; for a stamp, its pose nearest in time is taken.
     tolerance : a relation with an end that is further than this from all poses is not counted [s].
 
     Raises

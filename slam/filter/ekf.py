@@ -199,7 +199,7 @@ class LandmarkEkf(ExtendedKalmanFilter):
         self.add_landmarks(positions_robot, relative_cov)
 
     def forget(self, landmarks: NDArray[np.int64]) -> None:
-        """Take landmarks out of the state; what they told of the rest stays in it."""
+        """Take landmarks out of the state; what they contributed to the rest stays in it."""
         kept = np.ones(self.x.size, np.bool_)
         kept[(POSE_DIM + 2 * landmarks[:, None] + np.arange(2)).ravel()] = False
         self.x, self.P = self.x[kept], self.P[np.ix_(kept, kept)]

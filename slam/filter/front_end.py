@@ -1,4 +1,4 @@
-"""The filter on the landmarks near the robot, and the life of landmarks: birth, merging, rest and end."""
+"""The filter on the landmarks near the robot, and the life of landmarks: birth, merging, inactivity and removal."""
 
 from dataclasses import replace
 from itertools import combinations
@@ -15,7 +15,7 @@ from features.sensor import SensorModel
 from features.signature import Kind, alike
 from slam.filter.association import Association, Associator, Gates, associate, associate_identified
 from slam.filter.ekf import POSE_DIM, LandmarkEkf, block_diagonal, corner_jacobian_blocks
-from slam.filter.landmark_table import ACTIVE, REMOVED, LandmarkTable
+from slam.filter.landmark_table import ACTIVE, LandmarkTable
 from slam.filter.rules import FilterRules
 from slam.odometry.beams import seen_through
 
@@ -29,7 +29,7 @@ class FrontEnd:
     ----------
     pose_world_robot, cov : first pose, shape (3,), and its covariance, shape (3, 3).
     gates : of the association.
-    keep_distance : landmarks farther from the robot are laid to rest [m].
+    keep_distance : landmarks farther from the robot become inactive [m].
     associator : another association than :func:`slam.filter.association.associate`; None for that one.
     rules : how sure a merger is, and when beams have gone through a landmark.
 
@@ -38,7 +38,7 @@ class FrontEnd:
     ekf : the filter.
     table : what is known of every landmark.
     active : landmarks in the order of the filter's state, shape (n,).
-    returned : the latest observations were also of landmarks at rest, known by their identity: the graph knows more of
+    returned : the latest observations were also of inactive landmarks, known by their identity: the graph knows more of
         where the robot is than the filter does.
     """
 
@@ -101,7 +101,7 @@ class FrontEnd:
         return replace(association, landmarks=landmarks[matched]), landmarks
 
     def _enter(self, corners_robot: Corners, new: Indices, identities: Indices | None) -> Indices:
-        """Landmarks of the observations that are of none in the state: new ones, or by their identity those at rest."""
+        """Landmarks of the observations that are of none in the state: new ones, or inactive ones by their identity."""
         table, heading = self.table, float(self.ekf.x[2])
         if identities is None:
             return table.add(corners_robot, new, heading)
@@ -118,15 +118,12 @@ class FrontEnd:
         self._seen_at_once.update(combinations(sorted(points.tolist()), 2))
 
     def count_misses(self, scan: LaserScan, sensor: SensorModel, seen: Indices) -> None:
-        """End landmarks whose place the beams went through more often than they were seen; none ``seen`` just now."""
+        """Remove landmarks that beams passed through more often than they were seen; none ``seen`` just now."""
         if not self.active.size:
             return
         missed = seen_through(scan, sensor, transform_inverse(self.ekf.pose, self.ekf.landmarks), self._rules.beams)
         missed &= ~_among(self.active, seen)
-        self.table.misses[self.active[missed]] += 1
-        over = self.table.misses[self.active] > self.table.observations[self.active]
-        self.table.key_frames[self.active[over]] = REMOVED
-        self._drop(over)
+        self._drop(self.table.miss(self.active, missed))
 
     def merge(self) -> list[tuple[int, int]]:
         """Merge landmarks that are one; return the pairs, the landmark that is kept first (eq. M46-M47)."""
@@ -140,9 +137,9 @@ class FrontEnd:
         return merged
 
     def deactivate_far(self, key_frame: int, seen: Indices) -> None:
-        """Settle the landmarks ``seen`` from a key frame that is here, and lay those far from the robot to rest.
+        """Anchor the landmarks ``seen`` to the key frame that is here, and deactivate those far from the robot.
 
-        A landmark that no key frame has seen settles here.
+        A landmark that no key frame has seen is anchored here.
         """
         if not self.active.size:
             return
@@ -166,7 +163,7 @@ class FrontEnd:
         self.ekf.rebase(pose_world_robot, cov)
 
     def reactivate(self, poses_world_robot: Array, key_frames: Indices, cov: Array) -> None:
-        """Take landmarks near the robot back from rest (eq. M44-M45).
+        """Make inactive landmarks near the robot active again (eq. M44-M45).
 
         Parameters
         ----------

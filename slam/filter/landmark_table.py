@@ -1,4 +1,4 @@
-"""What is remembered of each landmark beside the filter's state: signature, counts, and where it is while at rest."""
+"""What is known of each landmark beside the filter's state: signature, counts, and its place while it is inactive."""
 
 from dataclasses import dataclass
 
@@ -41,7 +41,7 @@ class LandmarkCounts:
 class LandmarkTable:
     """Every landmark by its index.
 
-    A landmark is in the filter's state or at rest; at rest it is known from a key frame, the last one that saw it, so
+    A landmark is active, in the filter's state, or inactive: known from its anchor, the last key frame that saw it, so
     that it moves with it when the graph does and is found again where it was seen.
 
     Attributes
@@ -50,12 +50,12 @@ class LandmarkTable:
     identities : by which the source knows each, -1 for none, shape (n,).
     observations : times each was seen, shape (n,).
     misses : times each should have been seen, but the beams went through its place, shape (n,).
-    key_frames : key frame that a landmark at rest is known from, or :data:`ACTIVE`, :data:`MERGED`, :data:`REMOVED`,
+    key_frames : anchor of an inactive landmark, or :data:`ACTIVE`, :data:`MERGED`, :data:`REMOVED`,
         shape (n,).
     anchors : key frame that saw each landmark last, :data:`ACTIVE` where none has yet, shape (n,).
-    headings : of the robot at home, in the frame that the orientations of landmarks in the state are told in, shape
+    headings : of the robot at the anchor, in the frame of the orientations of active landmarks, shape
         (n,) [rad].
-    positions, covs : as seen from home, robot frame, shapes (n, 2) [m] and (n, 2, 2) [m^2].
+    positions, covs : as seen from the anchor, robot frame, shapes (n, 2) [m] and (n, 2, 2) [m^2].
     """
 
     def __init__(self) -> None:
@@ -75,7 +75,7 @@ class LandmarkTable:
         return self.observations.size
 
     def signatures(self, landmarks: Indices | None = None) -> Signatures:
-        """Kinds and mean angles of landmarks, all by default; world frame, of one at rest that of its key frame."""
+        """Kinds and mean angles of landmarks, all by default; world frame, of an inactive one that of its anchor."""
         chosen = slice(None) if landmarks is None else landmarks
         sums, observations = self._sums[chosen], self.observations[chosen]
         return Signatures(self.kinds[chosen], sums[:, 0] / observations, np.arctan2(sums[:, 2], sums[:, 1]))
@@ -134,26 +134,33 @@ class LandmarkTable:
         self.covs[landmarks] = covs
 
     def deactivate(self, landmarks: Indices) -> None:
-        """Lay landmarks that have a home to rest there."""
+        """Make landmarks that have an anchor inactive there."""
         self._rested += len(landmarks)
         self.turn(landmarks, -self.headings[landmarks])
         self.key_frames[landmarks] = self.anchors[landmarks]
 
     def activate(self, landmarks: Indices, headings: Array) -> None:
-        """Take landmarks from rest into the state, where their key frames have these headings."""
+        """Make landmarks active again, whose anchors have these headings [rad]."""
         self._woken += len(landmarks)
         self.turn(landmarks, headings)
         self.headings[landmarks] = headings
         self.key_frames[landmarks] = ACTIVE
 
     def turn(self, landmarks: Indices, angle: Array | float) -> None:
-        """Turn the orientation of landmarks, as the frame does that they are told in [rad]."""
+        """Turn the orientations of landmarks counter-clockwise, as their frame is turned [rad]."""
         self._sums[landmarks, 1:] = rotate_each(self._sums[landmarks, 1:], angle)
 
     def rebase(self, landmarks: Indices, angle: float) -> None:
         """Turn the frame of landmarks in the state [rad]."""
         self.turn(landmarks, angle)
         self.headings[landmarks] += angle
+
+    def miss(self, landmarks: Indices, missed: NDArray[np.bool_]) -> NDArray[np.bool_]:
+        """Count the ``missed`` of some landmarks, and remove those missed more often than seen; which, shape (k,)."""
+        self.misses[landmarks[missed]] += 1
+        removed = self.misses[landmarks] > self.observations[landmarks]
+        self.key_frames[landmarks[removed]] = REMOVED
+        return removed
 
     def merge(self, kept: int, other: int) -> None:
         """Take two landmarks for one."""

@@ -17,19 +17,19 @@ SIGMAS = 2.0
 CIRCLE = np.column_stack([np.cos(np.linspace(0.0, 2.0 * np.pi, 25)), np.sin(np.linspace(0.0, 2.0 * np.pi, 25))])
 
 MAP_EVERY = 10
-"""Scans between two pictures of landmarks and way."""
+"""Scans between two updates of landmarks and path."""
 
 WALL, PATH, POINT, LANDMARK = (59, 69, 84), (31, 119, 180), (138, 148, 163), (209, 73, 91)
 
 
 class LiveView:
-    """Shows each scan where the robot has it, the walls seen so far, the way and the landmarks with 2-sigma ellipses.
+    """Shows each scan where the robot has it, the walls seen so far, the path and the landmarks with 2-sigma ellipses.
 
     Parameters
     ----------
     title : of the window.
     slam : that the map is of.
-    file : where the pictures go, to be looked at with ``rerun FILE``; None for a window, or for a page that a browser
+    file : where the pictures go, to be shown with ``rerun FILE``; None for a window, or for a page that a browser
         shows where this computer has no screen.
 
     Raises
@@ -41,7 +41,7 @@ class LiveView:
     def __init__(self, title: str, slam: Slam, file: Path | None = None) -> None:
         self._rerun = rerun = _rerun()
         self._slam = slam
-        self._way: list[Array] = []
+        self._path: list[Array] = []
         self._walls: list[Array] = []
         self._key_frames = 0
         self._record = rerun.RecordingStream(f"cwlf-slam {title}")
@@ -71,7 +71,7 @@ class LiveView:
         record.set_time("stamp", timestamp=frame.stamp)
         pose = step.pose_world_robot
         mounting = slam.config.sensor.model().mounting
-        self._way.append(pose[:2])
+        self._path.append(pose[:2])
         seen = np.isfinite(frame.scan.ranges) & (frame.scan.ranges > 0.0)
         ranges, angles = frame.scan.ranges[seen], frame.scan.angles[seen]
         points = mounting.points_to_robot(np.column_stack([ranges * np.cos(angles), ranges * np.sin(angles)]))
@@ -82,8 +82,8 @@ class LiveView:
             self._key_frames = len(slam.key_frame_records)
             walls = transform(pose, mounting.points_to_robot(step.features.lines.ends))
             record.log(f"walls/{self._key_frames}", rerun.LineStrips2D(walls, colors=WALL, radii=0.01))
-        if len(self._way) % MAP_EVERY == 1:
-            record.log("way", rerun.LineStrips2D([np.array(self._way)], colors=PATH, radii=0.015))
+        if len(self._path) % MAP_EVERY == 1:
+            record.log("path", rerun.LineStrips2D([np.array(self._path)], colors=PATH, radii=0.015))
             ekf = slam.filter
             rings = [position + ring(cov) for position, cov in zip(ekf.landmarks, ekf.landmark_covs, strict=True)]
             record.log("landmarks", rerun.Points2D(ekf.landmarks, colors=LANDMARK, radii=0.05))

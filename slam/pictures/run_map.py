@@ -17,7 +17,7 @@ from slam.result.result import SlamResult
 INK, WALL, PATH, ODOMETRY = "#22272e", "#3b4554", "#1f77b4", "#9db8cc"
 CONCAVE, CONVEX, POINT = "#d1495b", "#d98a1f", "#6a4c93"
 MOST_POINTS = 150_000
-"""Scan points drawn at most; a random sample stands for more."""
+"""Scan points drawn at most; of more, a random sample is drawn."""
 
 
 def draw_map(path: Path, title: str, result: SlamResult, rng: Generator) -> None:

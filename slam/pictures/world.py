@@ -1,3 +1,5 @@
+# pyright: reportUnknownMemberType=false
+# matplotlib leaves the types of keyword arguments open.
 """Pictures of worlds."""
 
 from pathlib import Path

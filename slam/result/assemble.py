@@ -1,4 +1,4 @@
-"""The result of a run, put together from what the pipeline gathered and the solution of its graph."""
+"""The result of a run, assembled from its records, its key frames and the solution of its graph."""
 
 from collections.abc import Sequence
 
@@ -24,7 +24,7 @@ def assemble_result(
     metrics: RunMetrics,
     config: SlamConfig,
 ) -> SlamResult:
-    """Carry the corrections of the key frames over to all records, and draw what the key frames saw from there."""
+    """Apply the corrections of the key frames to all records, and place what the key frames saw in the world."""
     odometry = records.odometry()
     anchors = np.array([key_frame.record for key_frame in key_frames])
     placed = list(zip(estimate.poses_world_robot, key_frames, strict=True))

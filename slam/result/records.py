@@ -1,4 +1,4 @@
-"""Every record of a run: what the log says of its pose, what odometry makes of it, and the poses as they were live."""
+"""Every record of a run: its pose in the log, its pose by odometry, and the pose of the filter when it was live."""
 
 import math
 
@@ -69,7 +69,7 @@ class Records:
         self._poses_online.append(pose_world_robot)
 
     def times(self) -> Array:
-        """Stamps of the records, shape (n,) [s]; those of one stamp told apart by the motion between them."""
+        """Stamps of the records, shape (n,) [s]; equal ones separated by the motion between them."""
         return separate_equal_stamps(np.array(self.stamps), np.array(self.poses_odom))
 
     def wheels(self) -> Trajectory:

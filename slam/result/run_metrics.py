@@ -34,7 +34,7 @@ class StageTime:
 class RunMetrics:
     """Figures of a run; ``records`` counts every stamped record, ``scans`` those with a scan.
 
-    ``wheels`` is what they tell wrongly, None where no scan is compared with them.
+    ``wheels`` are the systematic errors of the wheels, None where no scan is compared with them.
     """
 
     scans: int

@@ -10,7 +10,7 @@ from slam.result.run_metrics import StageTime
 
 
 class StageClock:
-    """Times of the stages of a run, call by call; kept in a file, it stands until it is read back.
+    """Times of the stages of a run, call by call; pickled, the clock stops until it is read back.
 
     Parameters
     ----------
@@ -46,7 +46,7 @@ class StageClock:
 
 
 def peak_memory_mb() -> float | None:
-    """Largest resident memory of this process so far [MB]; None where the system does not tell."""
+    """Largest resident memory of this process so far [MB]; None where the system does not report it."""
     try:
         import resource
     except ImportError:  # Windows

@@ -9,7 +9,7 @@ from scipy.ndimage import minimum_filter1d
 from features.se2 import Array, wrap_angle
 
 STAMPS_ABOUT = 101
-"""How many different stamps, about one of them, tell how long the clock ticks there."""
+"""Number of different stamps around one from which the tick of the clock there is estimated."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -88,7 +88,7 @@ class Trajectory:
     def nearest(self, stamps: ArrayLike, tolerance: float) -> NDArray[np.intp]:
         """Look up the pose nearest in time, of two equally near stamps the earlier.
 
-        Poses of one stamp are told apart as :func:`separate_equal_stamps` does.
+        Poses of one stamp are separated by :func:`separate_equal_stamps`.
 
         Parameters
         ----------

@@ -19,7 +19,7 @@ LINE_EVERY_S = 10.0
 """Intervals at which a terminal is refreshed, and between plain lines [s]."""
 
 WINDOW = 30
-"""Scans over which the rate is told."""
+"""Scans over which the rate is averaged."""
 
 
 class LiveProgress:
@@ -29,7 +29,7 @@ class LiveProgress:
     ----------
     title : what is run.
     slam : that takes the scans; None where they are only recorded.
-    counts : tells what became of the scanner's bytes; None where nobody counts.
+    counts : returns what became of the scanner's bytes; None where nothing is counted.
     now : the clock of the stamps [s]; None where they are not of today.
     """
 

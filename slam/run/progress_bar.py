@@ -9,7 +9,7 @@ from rich.console import Console
 from rich.progress import BarColumn, Progress, SpinnerColumn, TextColumn
 
 BAR_EVERY_S, LINE_EVERY_S = 0.1, 10.0
-"""Interval between looks of the bar, and between plain lines [s]."""
+"""Interval between updates of the bar, and between plain lines [s]."""
 
 
 class ProgressBar:

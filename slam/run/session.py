@@ -118,7 +118,7 @@ class Session:
         if digest != self.position.digest:
             raise RunFolderError(
                 f"{self.folder}: the run of {self.position.log} was stopped after {self.position.records} records, and "
-                f"{source.name} does not begin with the same; give the log that the run began with"
+                f"{source.name} does not begin with the same; give the log that the run was started with"
             )
         return frames
 

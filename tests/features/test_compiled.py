@@ -218,3 +218,10 @@ def test_folders_that_nobody_uses_go_when_a_new_one_comes(fresh: Fresh, tmp_path
     fresh().kernel(f8)(load(other).triple)
     assert len(folders(tmp_path)) == 3
     assert {used, "other-version"} < folders(tmp_path), "what was in use, if only to be loaded, stays"
+
+
+def test_values_of_the_package_are_there_without_what_is_compiled():
+    """On a new machine compiling takes a minute: a command that extracts nothing, such as `devices`, must not wait."""
+    code = "import sys, features, drivers, slam.config_file; assert 'numba' not in sys.modules; features.extract"
+    done = subprocess.run([sys.executable, "-c", code], check=False, capture_output=True, text=True)
+    assert done.stderr == ""

@@ -3,6 +3,7 @@
 import math
 
 import numpy as np
+import pytest
 from finite_difference import assert_jacobian
 from hypothesis import example, given
 from hypothesis import strategies as st
@@ -190,3 +191,11 @@ def test_jacobians_of_the_composition_are_its_derivatives(a, b):
     by_first, by_second = compose_jacobians(a, b)
     assert_jacobian(by_first, lambda x: compose(x, b), a, difference=difference)
     assert_jacobian(by_second, lambda x: compose(a, x), b, difference=difference)
+
+
+@pytest.mark.parametrize("angle", [math.nan, math.inf, -math.inf])
+def test_what_is_no_angle_is_not_made_one(angle):
+    assert math.isnan(wrap_angle(angle))
+    with np.errstate(invalid="ignore"):
+        assert np.isnan(wrap_angle(np.array([0.0, angle]))).tolist() == [False, True]
+    assert math.isnan(pose(0.0, 0.0, angle)[2])

@@ -13,7 +13,7 @@ from drivers import Frame
 from features import LaserScan
 from features.se2 import Array, between, compose
 from features.sensor import Mounting
-from sim.run import room_run
+from sim import room_run
 from slam.config_file import load_config
 from slam.evaluation.metrics import ate
 from slam.pipeline import Slam

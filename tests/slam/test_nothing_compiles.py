@@ -10,7 +10,7 @@ from emulated import emulated_chunks
 from drivers.frame import Frame
 from drivers.recording.recorder import Recorder
 from drivers.rplidar import RawRecorder, RevolutionDecoder
-from features.extract import extract
+from features.extraction import extract
 from features.scan import LaserScan
 from features.sensor import Mounting, sensor_preset
 from sim import room_run

@@ -11,15 +11,15 @@ from places import DATA
 
 from drivers.carmen.log import CarmenLog
 from drivers.frame import Frame
-from features.extract import extract
+from features.extraction import extract
 from features.scan import LaserScan
 from features.se2 import compose, pose, transform
 from features.sensor import Mounting
+from sim import SimulatedRun, room_run
 from sim.motion.odometry import WheelOdometry
 from sim.motion.robot import Robot
-from sim.run import SimulatedRun, room_run
 from sim.sensing.lidar import Lidar
-from sim.worlds.built_in.room import room
+from sim.worlds.built_in.demo_room import room
 from sim.worlds.world import World
 from slam.config import SlamConfig
 from slam.config_file import load_config

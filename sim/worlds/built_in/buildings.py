@@ -1,4 +1,4 @@
-"""A corridor, an apartment, and two offices."""
+"""Buildings: a corridor, an apartment, and two office floors, each with a path through it."""
 
 import numpy as np
 from shapely import Polygon, box
@@ -8,12 +8,17 @@ from sim.worlds.floor_plan import floor_plan
 from sim.worlds.site import Site
 
 _DOOR = 0.9
+"""Width of a doorway, as is usual indoors [m]."""
+
 _NICHE = 0.35
-"""Width of a doorway, and depth of the niche in which a closed door stands [m]."""
+"""Depth of the niche of a closed door [m]: a thick wall, so that both edges of the niche show in a scan."""
+
+_STEP = 0.2
+"""Waypoints are farther apart than this, and so than the reach of a robot, 0.15 m [m]."""
 
 
 def corridor() -> Site:
-    """Make a corridor of 30 m by 2.2 m with closed doors in niches, a wider end, and a path to its end and back."""
+    """Make a corridor of 30 m by 2.2 m with closed doors in niches and a wider end; the path goes there and back."""
     below, above = (2.6, 9.1, 12.3, 19.8, 25.4), (4.0, 7.2, 14.9, 22.1)
     free = [
         box(0.0, 0.0, 30.0, 2.2),
@@ -28,7 +33,7 @@ def corridor() -> Site:
 
 
 def apartment() -> Site:
-    """Make an apartment of 11 m by 8.7 m: six furnished rooms around a hall, and a path through all of them."""
+    """Make an apartment of 11 m by 8.7 m: six furnished rooms around a hall; the path enters all of them."""
     living, kitchen, bath = box(0.0, 0.0, 5.5, 4.4), box(5.62, 0.0, 8.6, 3.0), box(8.72, 0.0, 11.0, 3.0)
     hall = box(5.62, 3.12, 11.0, 4.4)
     bedroom, nursery, study = box(0.0, 4.52, 4.0, 8.5), box(4.12, 4.52, 7.6, 8.5), box(7.72, 4.52, 11.0, 8.5)
@@ -72,7 +77,7 @@ def apartment() -> Site:
 def office_loop() -> Site:
     """Make an office floor of 64 m by 32 m: corridors of 2 m that form two loops, with closed doors in niches.
 
-    The path goes round the left loop, round the right one, and round both, 430 m in all: every place is met again.
+    The path goes round the left loop, round the right one, and round both, 430 m in all: every place is visited again.
     """
     rng = np.random.default_rng(1)
     width, height, wide = 64.0, 32.0, 2.0
@@ -112,7 +117,8 @@ def large_office() -> Site:
     starts = (wide + wall, 2.0 * wide + 3.0 * wall + block)
     width = starts[1] + block + wall + wide
     lows = [deep + wall + row * (wide + 2.0 * deep + 3.0 * wall) for row in range(3)]
-    solid, waypoints = [], []
+    solid: list[Polygon] = []
+    waypoints: list[tuple[float, float]] = []
     free = [box(x, lows[0], x + wide, lows[-1] + wide) for x in (0.0, starts[0] + block + wall, width - wide)]
     for row, low in enumerate(lows):
         free.append(box(0.0, low, width, low + wide))
@@ -135,7 +141,7 @@ def large_office() -> Site:
 
 
 def _rooms(rng: np.random.Generator, start: float, length: float, wall: float) -> list[tuple[float, float]]:
-    """Left and right sides [m] of six rooms of uneven width that fill a length, walls between them."""
+    """Draw the left and right sides [m] of six rooms of uneven width that fill a length, with walls between them."""
     shares = rng.uniform(0.8, 1.2, 6)
     widths = shares / shares.sum() * (length - 5.0 * wall)
     lefts = start + np.concatenate([[0.0], np.cumsum(widths + wall)[:-1]])
@@ -143,7 +149,7 @@ def _rooms(rng: np.random.Generator, start: float, length: float, wall: float) -
 
 
 def _furniture(rng: np.random.Generator, left: float, right: float, near: float, deep: float) -> list[Polygon]:
-    """Lay a free-standing desk and a cabinet at the far wall of a room, clear of the way in by the door."""
+    """Draw a free-standing desk and a cabinet at the far wall of a room, clear of the door."""
     side = 1.0 if deep > 0.0 else -1.0
     far = near + deep
     desk, desk_y = rng.uniform(left + 0.5, right - 2.0), far - side * rng.uniform(1.5, 1.8)
@@ -155,8 +161,9 @@ def _furniture(rng: np.random.Generator, left: float, right: float, near: float,
 
 
 def _spread(rng: np.random.Generator, start: float, end: float) -> list[float]:
-    """Draw places [m] of doors between two ends, 2.5 m to 5.5 m apart, so that no stretch looks like another."""
-    at, places = start + rng.uniform(0.0, 2.0), []
+    """Draw the places of doors between two ends [m], 2.5 m to 5.5 m apart, so that no two stretches look alike."""
+    at = start + rng.uniform(0.0, 2.0)
+    places: list[float] = []
     while at + _DOOR <= end:
         places.append(at)
         at += rng.uniform(2.5, 5.5)
@@ -172,14 +179,14 @@ def _niche_along_y(x: float, y: float, out: float) -> Polygon:
 
 
 def _box(x1: float, y1: float, x2: float, y2: float) -> Polygon:
-    """Rectangle between two opposite corners, in any order."""
+    """Make a rectangle from two opposite corners in any order."""
     return box(min(x1, x2), min(y1, y2), max(x1, x2), max(y1, y2))
 
 
 def _apart(waypoints: list[tuple[float, float]]) -> Array:
-    """Leave out waypoints that are within a robot's reach of the one before."""
+    """Leave out waypoints that are no farther than :data:`_STEP` from the one before."""
     kept = waypoints[:1]
     for point in waypoints[1:]:
-        if np.hypot(point[0] - kept[-1][0], point[1] - kept[-1][1]) > 0.2:
+        if np.hypot(point[0] - kept[-1][0], point[1] - kept[-1][1]) > _STEP:
             kept.append(point)
     return np.array(kept)

@@ -1,4 +1,4 @@
-"""Stand-ins for the environments A and B of section V of the paper, which gives their sizes and counts alone."""
+"""Stand-ins for the environments A and B of section V of the paper, which gives only their sizes and counts."""
 
 from features.se2 import Pose, pose
 from sim.worlds.world import World
@@ -62,10 +62,10 @@ _B_OUTLINE = [
 _B_PILLAR = [(1.75, 0.85), (2.15, 1.15), (1.85, 1.55), (1.45, 1.25)]
 
 ENVIRONMENT_A_POSE: Pose = pose(4.4, 3.9, -0.55)
-"""Where the sensor stands in :func:`environment_a` and where it heads, world frame, shape (3,) [m, m, rad]."""
+"""Pose of the sensor in :func:`environment_a`, world frame, shape (3,) [m, m, rad]."""
 
 ENVIRONMENT_B_POSE: Pose = pose(1.8, 2.8, -2.2)
-"""Where the sensor stands in :func:`environment_b` and where it heads, world frame, shape (3,) [m, m, rad]."""
+"""Pose of the sensor in :func:`environment_b`, world frame, shape (3,) [m, m, rad]."""
 
 for _pose in (ENVIRONMENT_A_POSE, ENVIRONMENT_B_POSE):
     _pose.flags.writeable = False
@@ -75,7 +75,7 @@ def environment_a() -> World:
     """Make a stand-in for environment A: 9 m by 8 m, cabinets along the walls, a niche, four pillars and a chamfer.
 
     From :data:`ENVIRONMENT_A_POSE` a scan of 920 beams shows 36 straight sections, each of at least 8 beams and 0.4 m,
-    and nothing smaller, and 23 corners where two of them meet. Number 20, clockwise from where the sensor heads, opens
+    no smaller ones, and 23 corners where two of them meet. Number 20, clockwise from the heading of the sensor, opens
     by 130 deg and its neighbour 19 by 140 deg; all others are square.
     """
     return World.from_polygons("environment-a", [_A_OUTLINE, *_A_PILLARS])
@@ -85,7 +85,7 @@ def environment_b() -> World:
     """Make a stand-in for environment B: 3.5 m by 6 m, walls that step in, a niche, a cabinet and a pillar.
 
     From :data:`ENVIRONMENT_B_POSE` a scan of 920 beams shows 18 straight sections, each of at least 8 beams and 0.4 m,
-    and nothing smaller, and 15 corners where two of them meet, all square. Number 4, clockwise from where the sensor
-    heads, is a corner of the room whose walls are seen for more than 1.5 m each.
+    no smaller ones, and 15 corners where two of them meet, all square. Number 4, clockwise from the heading of
+    the sensor, is a corner of the room whose walls are seen for more than 1.5 m each.
     """
     return World.from_polygons("environment-b", [_B_OUTLINE, _B_PILLAR])

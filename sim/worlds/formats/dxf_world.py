@@ -1,4 +1,4 @@
-"""Floor plans of CAD programs (DXF): lines and polylines of the model space as walls."""
+"""Reader of floor plans of CAD programs (DXF): lines and polylines of the model space become walls."""
 
 import logging
 from collections import Counter
@@ -21,14 +21,15 @@ from sim.worlds.site import Site
 logger = logging.getLogger(__name__)
 
 SAGITTA = 0.005
-"""An arc in a polyline becomes straight walls that are off it by no more than this [m]."""
+"""An arc in a polyline becomes straight walls that differ from it by no more than this [m]: less than the noise of a
+lidar."""
 
 
 def read_dxf(path: Path) -> Site:
-    """Read the lines and polylines of a drawing, those of inserted blocks too, in metres by its unit ($INSUNITS).
+    """Read the lines and polylines of a drawing and of its inserted blocks, and convert them to metres ($INSUNITS).
 
-    Layers that are off or frozen do not count; other entities are left out, with a warning in the log of this package.
-    Coordinates are rounded to a micrometre, so that lines that meet but for rounding do.
+    Layers that are off or frozen are ignored; other entities are left out, with a warning in the log. Coordinates are
+    rounded to a micrometre, so that ends of lines that differ by rounding alone coincide.
 
     Raises
     ------
@@ -36,8 +37,8 @@ def read_dxf(path: Path) -> Site:
         The file is no DXF, its drawing has no unit of length, or there is no line in it.
     """
     try:
-        drawing = ezdxf.filemanagement.readfile(path)
-    except Exception as error:  # of a damaged file ezdxf raises whatever its parser stumbles on
+        drawing = ezdxf.filemanagement.readfile(path)  # pyright: ignore[reportUnknownMemberType]  # its path is untyped
+    except Exception as error:  # on a damaged file ezdxf raises errors of many types
         reason = " ".join(str(error).split()) or type(error).__name__
         raise WorldError(f"{path}: cannot be read as DXF: {reason}") from None
     try:
@@ -60,7 +61,7 @@ def read_dxf(path: Path) -> Site:
 
 
 def _lines(entities: Iterable[DXFGraphic], hidden: set[str], sagitta: float, left_out: Counter[str]) -> Iterator[Array]:
-    """Yield the points, shape (n, 2), of each line and polyline [drawing units]; count what is neither."""
+    """Yield the points, shape (n, 2), of each line and polyline [drawing units]; ``left_out`` counts other entities."""
     for entity in entities:
         if entity.dxf.layer.lower() in hidden:
             continue
@@ -75,7 +76,7 @@ def _lines(entities: Iterable[DXFGraphic], hidden: set[str], sagitta: float, lef
             if entity.dxftype() not in ("LINE", "LWPOLYLINE", "POLYLINE"):
                 raise TypeError
             points = [(point.x, point.y) for point in ezdxf.path.make_path(entity).flattening(sagitta)]
-        except TypeError:  # of make_path: a polyline that is a mesh
+        except TypeError:  # from make_path: the polyline is a mesh
             left_out[entity.dxftype()] += 1
             continue
         yield np.array(points)

@@ -1,4 +1,4 @@
-"""Occupancy grids of the ROS map_server: an image and its YAML, traced to straight walls."""
+"""Reader of occupancy grids of the ROS map_server, an image and its YAML: outlines of occupied cells become walls."""
 
 from pathlib import Path
 from typing import Annotated, Literal
@@ -11,12 +11,12 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from features.se2 import Array, pose, transform
 from sim.errors import WorldError
-from sim.worlds.formats.grid_outlines import trace
+from sim.worlds.formats.grid_outlines import trace_outlines
 from sim.worlds.site import Site
 
 
 class MapFile(BaseModel):
-    """What a map's YAML says; keys that are not named here are of no meaning to its walls."""
+    """The keys of a map's YAML that determine its walls; others are ignored."""
 
     model_config = ConfigDict(frozen=True, extra="ignore", allow_inf_nan=False)
 
@@ -24,17 +24,17 @@ class MapFile(BaseModel):
     resolution: float = Field(gt=0.0, description="side of a cell [m]")
     origin: tuple[float, float, float] = Field(description="pose of the lower left corner of the image [m, m, rad]")
     occupied_thresh: Annotated[float, Field(ge=0.0, le=1.0)] = Field(
-        default=0.65, description="a cell whose probability is above is occupied"
+        default=0.65, description="a cell of a higher probability is occupied"
     )
     negate: bool = Field(default=False, description="white is occupied instead of black")
-    mode: Literal["trinary", "scale"] = Field(default="trinary", description="both mean the same for what is occupied")
+    mode: Literal["trinary", "scale"] = Field(default="trinary", description="the occupied cells are the same in both")
 
 
 def read_map(path: Path) -> Site:
-    """Read the YAML of a map and trace the outlines of its occupied cells.
+    """Read a map and outline its occupied cells by straight walls.
 
     A cell is occupied if its probability, ``(255 - value) / 255`` or ``value / 255`` where the map is negated, is above
-    ``occupied_thresh``. Walls lie at any angle, within about half a cell of the boundary of the cells.
+    ``occupied_thresh``. Walls have any direction, and lie within about half a cell of the boundary of the cells.
 
     Parameters
     ----------
@@ -55,8 +55,8 @@ def read_map(path: Path) -> Site:
         raise WorldError(f"{path}: {where + ': ' if where else ''}{first['msg']}: expected the YAML of a map") from None
     values = _image(path.parent / content.image, path)
     probabilities = values / 255.0 if content.negate else (255.0 - values) / 255.0
-    # Row 0 of an image is its upper one, that of the map its lower one.
-    rings = trace(np.flipud(probabilities > content.occupied_thresh))
+    # Row 0 is the uppermost of an image, but the lowest of the map.
+    rings = trace_outlines(np.flipud(probabilities > content.occupied_thresh))
     if not rings:
         raise WorldError(f"{path}: no cell of {content.image} is occupied: expected walls")
     walls = _walls(rings, content)
@@ -64,14 +64,14 @@ def read_map(path: Path) -> Site:
 
 
 def _walls(rings: list[Array], content: MapFile) -> Array:
-    """Walls, world frame, shape (n, 4) [m], of outlines in cells from the lower left corner of the image."""
+    """Return the walls, world frame, shape (n, 4) [m], of outlines in cells from the lower left corner of the image."""
     pose_world_image = pose(*content.origin)
     vertices = [np.round(transform(pose_world_image, ring * content.resolution), 6) for ring in rings]
     return np.vstack([np.hstack([ring, np.roll(ring, -1, axis=0)]) for ring in vertices])
 
 
 def _image(image: Path, named_by: Path) -> npt.NDArray[np.float64]:
-    """Grey values, 0 to 255, of an image, shape (rows, columns)."""
+    """Read the grey values of an image, 0 to 255, shape (rows, columns)."""
     try:
         with Image.open(image) as opened:
             return np.asarray(opened.convert("L"), dtype=np.float64)

@@ -1,22 +1,24 @@
-"""Our own worlds, written by hand: JSON of lines and outlines, and a path."""
+"""Our own format of worlds, to be written by hand: JSON of lines and outlines, and a path."""
 
 from pathlib import Path
 from typing import Annotated, Literal
 
 import numpy as np
+import numpy.typing as npt
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
+from features.se2 import Array
 from sim.errors import WorldError
 from sim.worlds.site import Site
 
 LARGEST = 1e6
-"""Largest coordinate: beyond, a double no longer tells walls apart that nearly meet [m]."""
+"""Largest coordinate [m]: beyond it, the rounding of a double comes near the distance at which walls meet (1e-9 m)."""
 
 Coordinate = Annotated[float, Field(ge=-LARGEST, le=LARGEST)]
 Point = tuple[Coordinate, Coordinate]
 
 REASONS = {"extra_forbidden": "no such key", "missing": "is missing"}
-"""What pydantic says in its own terms, in those of the user, by its type of error."""
+"""Messages in the terms of the user in place of those of pydantic, by its type of error."""
 
 
 class _Model(BaseModel):
@@ -59,7 +61,8 @@ def read_json(path: Path) -> Site:
         more = f" (and {len(errors) - 1} more)" if len(errors) > 1 else ""
         reason = REASONS.get(errors[0]["type"], errors[0]["msg"])
         raise WorldError(f"{path}: {where + ': ' if where else ''}{reason}{more}") from None
-    walls, glass = [], []
+    walls: list[Array] = []
+    glass: list[npt.NDArray[np.bool_]] = []
     for wall in content.walls:
         points = np.array(wall.points)
         ends = np.roll(points, -1, axis=0)

@@ -12,7 +12,7 @@ if TYPE_CHECKING:
 
     from features.se2 import Array
     from sim.emulator import Device, Ledger
-    from sim.motion.robot import Trajectory
+    from sim.motion.true_trajectory import TrueTrajectory
 
 TRUTH_RATE = 50.0
 """True poses per second [Hz]."""
@@ -52,8 +52,8 @@ def emulate(
     from sim.emulator import FAULTS, MODELS, Device, Scene, single_beams
     from sim.emulator.terminal import Terminal
     from sim.motion.waypoints import read_waypoints
-    from sim.site_run import site_run
-    from sim.worlds.sites import find_site
+    from sim.scenarios import site_run
+    from sim.worlds.catalogue import find_site
     from slam.errors import ConfigError
     from slam.run.interrupt import Interrupt
 
@@ -100,7 +100,7 @@ def _table(ledger: Ledger) -> Iterator[str]:
         yield f"{cause:16s}" + "".join(f"{getattr(loss, column):12,}" for column in columns)
 
 
-def _write_truth(path: Path, trajectory: Trajectory, device: Device, started: float, end: float) -> None:
+def _write_truth(path: Path, trajectory: TrueTrajectory, device: Device, started: float, end: float) -> None:
     """Write the poses of the robot at the times of the host; it stands still before its departure.
 
     Raises
@@ -111,12 +111,12 @@ def _write_truth(path: Path, trajectory: Trajectory, device: Device, started: fl
     import numpy as np
 
     from drivers.errors import RecordError
-    from slam.result.trajectory import Trajectory as Stamped
+    from slam.result.trajectory import Trajectory
     from slam.result.trajectory_file import write_tum
 
     times = np.arange(0.0, end, 1.0 / TRUTH_RATE)
     departure = end if device.departure is None else device.departure
     try:
-        write_tum(path, Stamped(started + times, trajectory.at(times - departure)))
+        write_tum(path, Trajectory(started + times, trajectory.at(times - departure)))
     except OSError as error:
         raise RecordError(f"{path} cannot be written: {error.strerror}") from None

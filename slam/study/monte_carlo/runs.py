@@ -224,7 +224,7 @@ def monte_carlo_table(summary: Mapping[str, Any]) -> list[list[str]]:
 
 
 def consistency_table(summary: Mapping[str, Any]) -> list[list[str]]:
-    """Cells of what tells whether the covariances hold, a heading first."""
+    """Cells of the table on consistency of the covariances, heading first."""
     cells = [["", "mean", "right", "95 % interval", "instants inside"]]
     named = {f"NEES of {label}": of for label, of in summary["nees"].items()}
     if summary["nis"] is not None:

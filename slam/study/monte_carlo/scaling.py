@@ -40,7 +40,7 @@ class Round:
     Parameters
     ----------
     one, every : runs per second by one worker and by all of them [1/s].
-    others : cores that the rest of the machine kept busy meanwhile; NaN where the system does not tell.
+    others : cores that the rest of the machine kept busy meanwhile; NaN where the system does not report it.
     """
 
     one: float

@@ -77,7 +77,7 @@ def summarise(
     """Summary of each method.
 
     ``table`` has the means over the corners of the table, as the paper has them; ``pooled`` counts every corner that
-    was reported and is not a false one; the paper's own means stand beside, where it has any.
+    was reported and is not a false one; the paper's own means are added where it has any.
     """
     clear = sum(int(world.clear.sum()) for world in seen)
     methods: dict[str, Any] = {}

@@ -115,7 +115,7 @@ def worlds(environment: Environment, rooms: int, seed: int) -> tuple[World, ...]
 
 
 PLACES: Mapping[str, Pose] = {"A": ENVIRONMENT_A_POSE, "B": ENVIRONMENT_B_POSE, "room": pose(2.5, 2.0, 0.3)}
-"""Where the sensor stands in each environment but the random ones, world frame [m, m, rad]."""
+"""Pose of the sensor in each environment but the random ones, world frame [m, m, rad]."""
 
 SCANS_OF_TASK = 50
 """Scans that one task takes; the noise of each task is its own."""
@@ -184,7 +184,9 @@ def scan_task(settings: CornerSettings, task: int, seed: int) -> dict[str, Any]:
     }
 
 
-def gather(settings: CornerSettings, results: Sequence[Mapping[str, Any]]) -> tuple[list[Seen], dict[str, Found]]:
+def collect_results(
+    settings: CornerSettings, results: Sequence[Mapping[str, Any]]
+) -> tuple[list[Seen], dict[str, Found]]:
     """Put together what the tasks of :func:`scan_task` yielded, in the order of their numbers.
 
     Returns

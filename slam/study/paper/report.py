@@ -16,7 +16,7 @@ from slam.study.paper.consistency import (
     scenes,
 )
 from slam.study.paper.corner_table import LABELS, corner_rows, summarise, summary_lines
-from slam.study.paper.corners import CornerSettings, gather, scan_task, task_count
+from slam.study.paper.corners import CornerSettings, collect_results, scan_task, task_count
 from slam.study.paper.methods import METHODS
 from slam.study.paper.timing import FORMS, TimingSettings, figure_3_rows, step_rows, timing_lines, uncertainty_rows
 from slam.study.tasks.run import all_results, run_tasks
@@ -35,7 +35,7 @@ def study_corners(client: Client, folder: Path, settings: CornerSettings) -> lis
     from slam.pictures.paper_studies import draw_corners
 
     outcome = run_tasks(client, folder, "corners", settings, scan_task, task_count(settings))
-    seen, found = gather(settings, all_results(folder, outcome))
+    seen, found = collect_results(settings, all_results(folder, outcome))
     rows = corner_rows(seen, found)
     summary = summarise(settings, seen, found, rows)
     write_settings(folder, "corners", settings, {"extraction": METHODS[2].extraction})

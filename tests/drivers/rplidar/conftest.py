@@ -10,13 +10,13 @@ import pytest
 from drivers.rplidar import RequestReader
 from sim.emulator import MODELS, Device, Scene
 from sim.emulator.terminal import Terminal
-from sim.motion.robot import Trajectory
+from sim.motion.true_trajectory import TrueTrajectory
 from sim.sensing.lidar import Lidar
-from sim.worlds.built_in.room import room
+from sim.worlds.built_in.demo_room import room
 
 
 def make_device(model="S1", faults=(), seed=1):
-    standing = Trajectory(1.0, np.array([[2.0, 2.0, 0.5]]))
+    standing = TrueTrajectory(1.0, np.array([[2.0, 2.0, 0.5]]))
     return Device(MODELS[model], Scene(room(), Lidar.of_preset("rplidar-s1"), standing), seed, faults)
 
 

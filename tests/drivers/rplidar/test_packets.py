@@ -56,6 +56,13 @@ def test_golden_node():
     assert (samples.qualities.tolist(), samples.ranges.tolist(), samples.starts.tolist()) == ([15 << 2], [0.0], [False])
 
 
+@pytest.mark.parametrize(("q6", "angle_deg"), [(23039, 23039 / 64.0), (23040, 0.0), (23104, 1.0)])
+def test_an_angle_of_a_node_beyond_the_whole_turn_begins_anew(q6, angle_deg):
+    """Its 15 bits hold up to 512 deg, and the device rounds up to 360."""
+    node = bytes([0x3E]) + (q6 << 1 | 1).to_bytes(2, "little") + bytes(2)
+    assert_allclose(decoded(Answer.STANDARD, node).angles_clockwise, np.radians(angle_deg), atol=1e-12)
+
+
 def test_golden_dense_capsule():
     """Its ranges are little-endian: read big-endian, 1000 mm would be 59395."""
     capsule = encode_dense(0.0, np.ones(40), restart=True)

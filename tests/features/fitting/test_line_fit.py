@@ -491,3 +491,13 @@ def test_a_corner_of_cwlf_moves_with_the_frame_by_a_part_of_its_sigma():
         moves.append(math.sqrt(apart @ np.linalg.solve(cov, apart)))
     assert 0.01 < max(moves) < 2.0
     assert np.median(moves) < 1.0
+
+
+@pytest.mark.parametrize("fit", POLAR_FITS)
+@pytest.mark.parametrize("normal_deg", range(-175, 181, 10))
+def test_the_normal_of_a_polar_line_points_away_from_the_sensor_and_its_angle_is_in_one_turn(fit, normal_deg):
+    line = fit_line(*polar(wall(math.radians(normal_deg), 2.0, -0.8, 1.5, 30)), MODEL, fit)
+    alpha, r = line.params
+    assert r == pytest.approx(2.0, abs=1e-9)
+    assert -math.pi <= alpha <= math.pi
+    assert wrap_angle(alpha - math.radians(normal_deg)) == pytest.approx(0.0, abs=1e-9)

@@ -11,14 +11,14 @@ from hypothesis import strategies as st
 
 from features.se2 import pose
 from sim import World, room
-from sim.casting.raycast import cast_beams, cast_fans
+from sim.casting.raycast import cast_beams, cast_scans
 from sim.casting.sincos import sincos
 from sim.casting.wall_index import WallIndex
 
 
 def cast(walls, origin, angles):
     """Scan of walls that need not make a world, from a sensor that looks along x."""
-    ranges, wall_ids = cast_fans(WallIndex.of(np.array(walls, dtype=np.float64)), pose(*origin)[None], angles)
+    ranges, wall_ids = cast_scans(WallIndex.of(np.array(walls, dtype=np.float64)), pose(*origin)[None], angles)
     return ranges[0], wall_ids[0]
 
 
@@ -293,7 +293,7 @@ def test_no_wall_and_no_beam_are_allowed():
         (np.array([0.0, np.nan, 0.0]), np.zeros(1), "finite"),
         (np.array([0.0, 0.0, np.nan]), np.zeros(1), "finite"),
         (np.zeros(3), np.array([np.inf]), "finite"),
-        (np.zeros(3), np.array([2e6]), "no beam beyond 1e[+]06 rad"),
+        (np.zeros(3), np.array([2e6]), "no direction beyond 1e[+]06 rad"),
     ],
 )
 def test_misuse_is_refused(place, angles, message):

@@ -19,10 +19,10 @@ HEALTH = bytes.fromhex("a55a0300000006000000")
 
 
 @contextmanager
-def plugged(device: Device, link: Path, begin: float = 0.0) -> Iterator[list[str]]:
+def plugged(device: Device, link: Path, start: float = 0.0) -> Iterator[list[str]]:
     """Serve a device in a thread; what is yielded are the paths that were told."""
     ended, told = threading.Event(), []
-    with Terminal(device, link, told.append, begin) as terminal:
+    with Terminal(device, link, told.append, start) as terminal:
         thread = threading.Thread(target=terminal.serve, args=(ended.is_set,))
         thread.start()
         try:
@@ -75,7 +75,7 @@ def read_on(port: serial.Serial) -> None:
 def test_a_pulled_cable_ends_the_connection_and_the_link_comes_back(tmp_path: Path) -> None:
     """A cable that should have been pulled long ago is pulled as soon as there is a scan."""
     link, device = tmp_path / "lidar", make(faults=("unplug",))
-    with plugged(device, link, begin=100.0) as told:
+    with plugged(device, link, start=100.0) as told:
         with opened(link) as port:
             port.write(express_scan(1))
             with pytest.raises(serial.SerialException):
@@ -110,6 +110,6 @@ def test_what_nobody_listens_to_is_gone() -> None:
     device = make()
     device.write(express_scan(1), 0.0)
     turns = iter(range(2))
-    with Terminal(device, begin=5.0) as terminal:
+    with Terminal(device, start=5.0) as terminal:
         terminal.serve(lambda: next(turns, None) is None)
     assert device.ledger.losses["nobody"].bytes > 60000

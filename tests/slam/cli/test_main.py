@@ -17,7 +17,7 @@ from places import DATA
 
 import slam.pictures.run_map
 from drivers import CarmenLog, Frame
-from sim.run import SimulatedRun, room_run
+from sim import SimulatedRun, room_run
 from slam.result.trajectory_file import read_trajectory_file
 
 SCAN = "FLASER 8 1 1.1 1.2 1.3 1.4 1.5 1.6 1.7 0 0 0 {x} 0 0 {stamp} host {stamp}"

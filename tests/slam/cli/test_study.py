@@ -80,7 +80,7 @@ def test_an_interrupted_study_says_how_to_go_on(
     command = ("study", "corners", "--environment", "A", "--scans", 60, "--out", tmp_path / "study")
     command += ("--scheduler", client.scheduler.address)
     with monkeypatch.context() as patched:
-        patched.setattr("slam.study.paper.report.gather", interrupted)
+        patched.setattr("slam.study.paper.report.collect_results", interrupted)
         code, _, err = cwlf(*command)
     assert code == 130
     assert "the same command goes on" in err

@@ -15,7 +15,7 @@ from places import DATA, ROOT
 
 from drivers import CarmenLog, Frame, Recording
 from sim import EFFECTS, ODOMETRIES, Lidar, SimulatedRun, find_site, site_run
-from slam.cli.world import EffectsOption, OdometryOption
+from slam.cli.options import EffectsOption, OdometryOption
 
 EXAMPLES = ROOT / "examples"
 

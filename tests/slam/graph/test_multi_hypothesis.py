@@ -13,6 +13,7 @@ from slam.graph.incremental import LandmarkGraph
 from slam.graph.multi_hypothesis import Sighting, most_likely
 from slam.graph.multi_hypothesis_kernel import branch, move, score
 from slam.graph.reassociation import reassociate
+from slam.graph.rules import MultiHypothesisRules
 
 FIRST_COV = np.diag([1e-8, 1e-8, 1e-10])
 MOTION_COV = np.diag([0.01, 0.01, 0.02]) ** 2
@@ -81,3 +82,46 @@ def test_pairs_are_told_apart_without_identities(seed):
     assert sorted(nearest.argmin(axis=1).tolist()) == list(range(len(LANDMARKS)))
     # Half the spacing of a pair: none is taken for its neighbour.
     assert nearest.min(axis=1).max() < 0.2
+
+
+def likeliest(sightings, cov):
+    """Most likely landmark of each observation, one a sighting, of all that there may be, by filters of their own."""
+
+    def grow(ekf, landmarks, score, rest):
+        if not rest:
+            return score, landmarks
+        found = []
+        for landmark in range(len(ekf.landmarks) + 1):
+            after, seen = LandmarkEkf(ekf.pose, ekf.pose_cov), rest[0].points_robot
+            after.x, after.P, after.Q = ekf.x.copy(), ekf.P.copy(), rest[0].motion_cov
+            if landmarks:
+                after.predict(rest[0].motion)
+            if landmark < len(ekf.landmarks):
+                after.observe(seen.positions, seen.covs, np.array([landmark]))
+                _, size = np.linalg.slogdet(2.0 * math.pi * after.S)
+                own = -0.5 * (size + after.y @ np.linalg.solve(after.S, after.y))
+            else:
+                after.add_landmarks(seen.positions, seen.covs[0])
+                own = math.log(MultiHypothesisRules().new_density)
+            found.append(grow(after, [*landmarks, landmark], score + own, rest[1:]))
+        return max(found)
+
+    return grow(LandmarkEkf(pose(), cov), [], 0.0, list(sightings))[1]
+
+
+@pytest.mark.parametrize("seed", range(12))
+def test_of_few_observations_the_most_likely_of_all_associations_is_found(seed):
+    """Six looks at three landmarks that are 2 sigma apart, by a robot that is unsure: what the first ones were of shows
+    by the later ones only. All 203 ways are tried one by one."""
+    rng = np.random.default_rng(seed)
+    landmarks = np.array([[2.0, 0.0], [2.0, 1.0], [2.7, 0.5]])
+    cov, motion_cov = np.diag([1e-6, 1e-6, 1e-8]), np.diag([0.3, 0.3, 0.05]) ** 2
+    true, motion, sightings = pose(), pose(), []
+    for step in range(6):
+        noise = np.sqrt(np.diag(motion_cov)) * rng.normal(size=3)
+        true = compose(true, motion + noise) if step else true
+        seen = transform_inverse(true, landmarks[rng.integers(3)][None]) + rng.normal(0.0, 0.2, (1, 2))
+        sightings.append(Sighting(motion, motion_cov, points(seen, 0.2)))
+        motion = pose(0.1, 0.0, 0.1)
+    found = [int(each[0]) for each in most_likely(pose(), cov, sightings)]
+    assert found == likeliest(sightings, cov)

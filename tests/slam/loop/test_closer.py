@@ -268,3 +268,17 @@ def test_walls_of_a_place_where_odometry_cannot_be_are_those_of_a_copy(sigma, be
         found = closer.find(truth)
     assert bool(found) == believed
     assert closer.counts.accepted == believed
+
+
+@pytest.mark.parametrize(("between_looks", "believed"), [(STEP, True), (2.5, False)])
+def test_a_look_that_is_long_ago_confirms_nothing(between_looks, believed):
+    """Two looks agree, but between them odometry has gone farther than what the first one says would hold."""
+    rng = np.random.default_rng(3)
+    truth = along(ROUND, 16)
+    closer = closer_of()
+    for k, here in enumerate(truth):
+        assert show(closer, seen(RING, here, rng), STEP, truth[: k + 1]) is None
+    estimate = np.concatenate([truth, truth[3:5]])
+    assert show(closer, seen(RING, truth[3], rng), 40.0, estimate[:-1]) is None
+    found = show(closer, seen(RING, truth[4], rng), between_looks, estimate)
+    assert (found is not None) == believed

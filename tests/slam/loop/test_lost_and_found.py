@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from registration_scenes import CONFIG, LIDAR, SENSOR, points_of
 
-from features.extract import extract
+from features.extraction import extract
 from features.se2 import between, compose, pose
 from sim.worlds.world import World
 from slam.graph.incremental import LandmarkGraph

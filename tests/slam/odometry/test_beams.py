@@ -11,7 +11,7 @@ from shapely import LineString
 
 from features.se2 import compose, transform
 from features.sensor import Mounting
-from sim.worlds.built_in.room import room
+from sim.worlds.built_in.demo_room import room
 from slam.odometry.beams import beams_through_walls
 from slam.odometry.line_map import CENTER, LENGTH, NORMAL_X, NORMAL_Y, WALL_FIELDS, WALL_X, WALL_Y
 from slam.odometry.rules import BeamRules

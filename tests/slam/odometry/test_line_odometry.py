@@ -13,10 +13,10 @@ from scipy.stats import chi2
 
 from drivers.carmen.log import CarmenLog
 from drivers.frame import Frame
-from features.extract import extract
+from features.extraction import extract
 from features.scan import LaserScan
 from features.se2 import between, compose, pose, wrap_angle
-from sim.run import room_run
+from sim import room_run
 from slam.config import SlamConfig
 from slam.errors import DivergedError
 from slam.evaluation.relations import Relations, read_relations, relations

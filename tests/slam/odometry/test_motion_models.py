@@ -1,5 +1,7 @@
 """What is expected of a motion: by the wheels, and without them by the velocity before."""
 
+import math
+
 import numpy as np
 import pytest
 
@@ -139,3 +141,17 @@ def test_a_motion_that_nothing_foresaw_leaves_the_velocity_of_a_robot():
     assert np.abs(motion[:2]).max() < 0.3
     assert np.linalg.eigvalsh(cov)[0] > 0.0
     assert np.sqrt(cov[0, 0]) < 0.3
+
+
+@pytest.mark.parametrize(("sigmas", "kept"), [(2.0, True), (4.0, False), (-4.0, False)])
+def test_a_velocity_that_no_robot_has_is_forgotten(sigmas, kept):
+    """Beyond three sigmas of what a robot may do it is that of a wrong stamp or scan, however surely it is told."""
+    speed, interval = 1.0, 0.2
+    source = constant_velocity(speed)
+    drive(source, [(0.0, pose()), (interval, pose(sigmas * speed * interval))])
+    motion, cov = source.step(interval + 1e-4, pose())
+    if kept:
+        assert motion[0] > 0.5 * sigmas * speed * 1e-4
+    else:
+        np.testing.assert_allclose(motion, 0.0, atol=1e-12)
+        assert math.sqrt(cov[0, 0]) == pytest.approx(speed * 1e-4, rel=0.05)

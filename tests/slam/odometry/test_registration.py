@@ -13,7 +13,7 @@ from scipy.optimize import least_squares
 from features.se2 import compose, inverse, pose, rotation, transform, wrap_angle
 from features.sensor import Mounting
 from sim.sensing.lidar import Lidar
-from sim.worlds.built_in.room import room
+from sim.worlds.built_in.demo_room import room
 from sim.worlds.world import World
 from slam.odometry.line_map import CENTER, LENGTH, NORMAL_X, NORMAL_Y, VAR_ANGLE, VAR_OFFSET, WALL_X, WALL_Y
 from slam.odometry.registration import register

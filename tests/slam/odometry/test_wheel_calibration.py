@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from features.se2 import compose, pose
-from sim.run import POOR_ODOMETRY, room_run
+from sim import POOR_ODOMETRY, room_run
 from slam.config import SlamConfig
 from slam.odometry.cloned_pose import ClonedPose
 from slam.odometry.motion_models import OdometryModel
@@ -130,3 +130,15 @@ def test_a_run_through_the_room_finds_the_wheels_of_the_simulator():
     assert found.travel == pytest.approx(travel, abs=0.025)
     assert found.turn == pytest.approx(turn, abs=0.03)
     assert found.drift == pytest.approx(drift, abs=0.02)
+
+
+def test_a_turn_is_compared_across_the_cut_of_angles():
+    """Wheels that tell half a turn and five degrees more: by the scans it is five degrees less, no whole turn away."""
+    wheels, drifting = WheelCalibration(), ClonedPose(pose())
+    since = drifting.clone()
+    cov = np.diag([1e-4, 1e-4, math.radians(10.0) ** 2])
+    wheels.correct(pose(0.0, 0.0, math.radians(185.0)), cov)
+    drifting.move(pose(0.0, 0.0, math.radians(175.0)), np.diag([1e-6, 1e-6, 1e-8]))
+    assert wheels.learn(since)
+    # What has to be added is 10 deg a turn of 185, of which a single one of 10 deg of chance tells a part.
+    assert -10.0 / 175.0 < wheels.calibration.turn < 0.0

@@ -20,7 +20,7 @@ from places import DATA
 import slam.run.checkpoint
 from drivers import CarmenLog, Frame
 from features import LaserScan
-from sim.run import room_run
+from sim import room_run
 from slam.config import SlamConfig
 from slam.config_file import load_config
 from slam.errors import RunFolderError
@@ -95,7 +95,7 @@ KERNELS = """
 import hashlib, itertools
 import numpy as np
 from features import extract
-from sim.run import room_run
+from sim import room_run
 from slam.config import SlamConfig
 from slam.parts import line_odometry
 source = room_run(1)

@@ -11,7 +11,7 @@ import pytest
 
 from drivers.frame import SourceInfo
 from features.se2 import wrap_angle
-from sim.run import room_run
+from sim import room_run
 from slam.config_file import load_config
 from slam.errors import RunFolderError
 from slam.pipeline import Slam

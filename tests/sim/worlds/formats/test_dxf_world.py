@@ -12,7 +12,7 @@ from ezdxf.enums import InsertUnits
 
 from features.se2 import rotation
 from sim import Robot, WorldError, drive_through, find_site, findings
-from sim.worlds.formats import read as read_site
+from sim.worlds.formats.world_file import read_site
 
 
 @pytest.fixture

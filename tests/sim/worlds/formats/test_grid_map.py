@@ -12,9 +12,9 @@ from PIL import Image
 
 from features.se2 import pose, rotation, transform
 from sim import Robot, WorldError, drive_through, find_site, findings, random_room
-from sim.worlds.formats import read as read_site
 from sim.worlds.formats.grid_map import MapFile, _walls
-from sim.worlds.formats.grid_outlines import trace
+from sim.worlds.formats.grid_outlines import trace_outlines
+from sim.worlds.formats.world_file import read_site
 
 
 def solid_of(walls):
@@ -39,7 +39,7 @@ def test_what_lies_along_the_cells_is_exact():
     occupied = np.zeros((40, 50), dtype=bool)
     occupied[5:30, 10:45] = True
     occupied[10:20, 15:18] = False
-    outer, hole = trace(occupied)
+    outer, hole = trace_outlines(occupied)
     assert {tuple(point) for point in np.round(outer, 9)} == {(10, 5), (45, 5), (45, 30), (10, 30)}
     assert {tuple(point) for point in np.round(hole, 9)} == {(15, 10), (18, 10), (18, 20), (15, 20)}
 
@@ -56,7 +56,7 @@ def test_a_room_at_any_angle_is_traced_to_about_half_a_cell(seed, turn, dx, dy):
     points = walls.reshape(-1, 2) @ rotation(turn).T / 0.05
     points += (dx, dy) - points.min(axis=0) + 3.0
     truth = solid_of(points)
-    rings = trace(drawn(truth, int(points.max()) + 4))
+    rings = trace_outlines(drawn(truth, int(points.max()) + 4))
     edge, traced = truth.boundary, boundary(rings)
     assert shapely.hausdorff_distance(traced, edge, densify=0.002) < 1.5
     middles = np.vstack([(ring + np.roll(ring, -1, axis=0)) / 2.0 for ring in rings])
@@ -69,7 +69,7 @@ def test_a_room_at_any_angle_is_traced_to_about_half_a_cell(seed, turn, dx, dy):
 def test_a_long_oblique_wall_stays_one_wall(turn):
     """A box of 200 by 60 cells has four walls at any angle, each within a third of a cell of the true one."""
     corners = np.array([(-100.0, -30.0), (100.0, -30.0), (100.0, 30.0), (-100.0, 30.0)]) @ rotation(turn).T + 115.0
-    (ring,) = trace(drawn(shapely.Polygon(corners), 230))
+    (ring,) = trace_outlines(drawn(shapely.Polygon(corners), 230))
     assert len(ring) == 4
     middles = (ring + np.roll(ring, -1, axis=0)) / 2.0
     off = shapely.distance(shapely.points(middles), shapely.LinearRing(corners))
@@ -82,7 +82,7 @@ def test_a_wall_of_one_cell_is_kept(turn):
     occupied = np.zeros((120, 120), dtype=bool)
     along = 60.5 + np.outer(np.linspace(-40.0, 40.0, 400), (math.cos(turn), math.sin(turn)))
     occupied[along[:, 1].astype(int), along[:, 0].astype(int)] = True
-    rings = trace(occupied)
+    rings = trace_outlines(occupied)
     middle = shapely.LineString(along[[0, -1]])
     assert shapely.hausdorff_distance(boundary(rings), middle, densify=0.01) < 1.5
     assert findings(np.vstack([np.hstack([ring, np.roll(ring, -1, axis=0)]) for ring in rings])) == []
@@ -91,7 +91,7 @@ def test_a_wall_of_one_cell_is_kept(turn):
 def test_single_cells_are_kept_each_on_its_own():
     occupied = np.zeros((9, 9), dtype=bool)
     occupied[2, 2] = occupied[6, 5] = True
-    rings = trace(occupied)
+    rings = trace_outlines(occupied)
     assert sorted(tuple(np.round(ring.mean(axis=0), 6)) for ring in rings) == [(2.5, 2.5), (5.5, 6.5)]
     assert all(len(ring) >= 3 for ring in rings)
 
@@ -101,7 +101,7 @@ def test_single_cells_are_kept_each_on_its_own():
 @example(399, 0.875)
 def test_any_grid_gives_outlines_of_walls_with_length(seed, density):
     occupied = np.random.default_rng(seed).random((12, 15)) < density
-    rings = trace(occupied)
+    rings = trace_outlines(occupied)
     assert all(len(ring) >= 3 for ring in rings)
     assert all((np.hypot(*(np.roll(ring, -1, axis=0) - ring).T) > 1e-6).all() for ring in rings)
     centres = np.argwhere(occupied)[:, ::-1] + 0.5

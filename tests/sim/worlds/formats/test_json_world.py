@@ -8,8 +8,8 @@ import pytest
 from places import ROOT
 
 from sim import WorldError, findings
-from sim.worlds.formats import read as read_site
 from sim.worlds.formats.json_world import WorldFile
+from sim.worlds.formats.world_file import read_site
 
 DOCS = ROOT / "docs"
 

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 from features.se2 import compose, pose, rotation
 from sim import WorldError, findings
-from sim.worlds.formats import read as read_site
+from sim.worlds.formats.world_file import read_site
 
 NUMBERS = st.floats(-20.0, 20.0)
 POSES = st.tuples(NUMBERS, NUMBERS, st.floats(-math.pi, math.pi))

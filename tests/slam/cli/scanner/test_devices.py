@@ -9,9 +9,9 @@ from serial.tools import list_ports
 
 from sim.emulator import MODELS, Device, Scene
 from sim.emulator.terminal import Terminal
-from sim.motion.robot import Trajectory
+from sim.motion.true_trajectory import TrueTrajectory
 from sim.sensing.lidar import Lidar
-from sim.worlds.built_in.room import room
+from sim.worlds.built_in.demo_room import room
 from slam.cli.main import main
 
 
@@ -32,7 +32,7 @@ def devices(monkeypatch, capfd):
 @pytest.fixture
 def scanner(tmp_path):
     """Port of an emulated S1."""
-    standing = Trajectory(1.0, np.array([[2.0, 2.0, 0.0]]))
+    standing = TrueTrajectory(1.0, np.array([[2.0, 2.0, 0.0]]))
     device = Device(MODELS["S1"], Scene(room(), Lidar.of_preset("rplidar-s1"), standing))
     plugged, ended = threading.Event(), threading.Event()
     terminal = Terminal(device, tmp_path / "scanner", lambda path: plugged.set())

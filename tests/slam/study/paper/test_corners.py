@@ -10,7 +10,7 @@ import pytest
 from distributed import Client
 
 from slam.study.paper.corner_table import PAPER_MEANS_MM, corner_rows, summarise, summary_lines
-from slam.study.paper.corners import CornerSettings, Found, Seen, gather, scan_task, task_count
+from slam.study.paper.corners import CornerSettings, Found, Seen, collect_results, scan_task, task_count
 from slam.study.paper.methods import METHODS
 from slam.study.paper.report import study_corners
 from slam.study.tasks.run import task_seed
@@ -21,7 +21,7 @@ EVERYWHERE = [(environment, sigma) for environment in ("A", "B", "random") for s
 
 def scan_corners(settings: CornerSettings) -> tuple[list[Seen], dict[str, Found]]:
     """Do all tasks, one after the other."""
-    return gather(
+    return collect_results(
         settings, [scan_task(settings, task, task_seed(settings.seed, task)) for task in range(task_count(settings))]
     )
 

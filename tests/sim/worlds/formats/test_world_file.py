@@ -3,7 +3,7 @@
 import pytest
 
 from sim import WorldError, find_site
-from sim.worlds.formats import read as read_site
+from sim.worlds.formats.world_file import read_site
 
 JSON = '{"format": "cwlf-world", "version": 1, "walls": [{"points": [[0, 0], [1, 0]]}]}'
 BOX = "<collision><geometry><box><size>1 1 1</size></box></geometry></collision>"

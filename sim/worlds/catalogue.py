@@ -1,4 +1,4 @@
-"""Worlds by name, each with a path through it: those built in, and those in files."""
+"""The catalogue of worlds: built-in worlds by name and worlds from files, each as a site."""
 
 import re
 from collections.abc import Callable, Mapping
@@ -9,10 +9,10 @@ import numpy as np
 
 from sim.errors import WorldError
 from sim.worlds.built_in.buildings import apartment, corridor, large_office, office_loop
+from sim.worlds.built_in.demo_room import room, room_waypoints
 from sim.worlds.built_in.paper import environment_a, environment_b
 from sim.worlds.built_in.random_rooms import random_room, random_tour
-from sim.worlds.built_in.room import room, room_waypoints
-from sim.worlds.formats.read import read_site
+from sim.worlds.formats.world_file import read_site
 from sim.worlds.site import Site
 
 _PATH_A = [
@@ -35,7 +35,7 @@ BUILT_IN: Mapping[str, Callable[[], Site]] = MappingProxyType(
         "large-office": large_office,
     }
 )
-"""Worlds by name; beside them ``random-room-SEED``, one for each seed."""
+"""Built-in worlds by name; :func:`find_site` knows ``random-room-SEED``, one for each seed, besides."""
 
 
 def find_site(name: str) -> Site:
@@ -43,12 +43,12 @@ def find_site(name: str) -> Site:
 
     Parameters
     ----------
-    name : name of a built-in world, or path of a file; a name goes first.
+    name : name of a built-in world, or path of a file; the name takes precedence.
 
     Raises
     ------
     WorldError
-        There is neither, or the file cannot be read.
+        No built-in world and no file has this name, or the file cannot be read.
     """
     if name in BUILT_IN:
         return BUILT_IN[name]()

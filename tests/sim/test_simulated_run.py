@@ -19,7 +19,7 @@ from sim import (
     Person,
     Robot,
     SimulatedRun,
-    Trajectory,
+    TrueTrajectory,
     WheelOdometry,
     room,
     room_run,
@@ -181,7 +181,7 @@ def test_before_the_first_pose_the_robot_stood():
 
 
 def test_headings_are_interpolated_the_short_way_round():
-    trajectory = Trajectory(1.0, np.array([[0.0, 0.0, 3.1], [0.0, 0.0, -3.1]]))
+    trajectory = TrueTrajectory(1.0, np.array([[0.0, 0.0, 3.1], [0.0, 0.0, -3.1]]))
     assert abs(trajectory.at(np.array([0.5]))[0, 2]) == pytest.approx(np.pi)
 
 

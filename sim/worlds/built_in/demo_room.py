@@ -1,4 +1,4 @@
-"""Worlds that come with the project."""
+"""The room of the demo, and a path through it."""
 
 import math
 
@@ -8,7 +8,7 @@ from features.se2 import Array
 from sim.worlds.world import World
 
 _SLOPE = 1.8 / math.tan(math.radians(40.0))
-"""Run of the oblique wall of the room along the north wall [m]; it leaves the east wall by 130 deg."""
+"""Length of the oblique wall of the room, projected on the north wall [m]; it and the east wall form 130 deg."""
 
 _OUTLINE = [
     (0.0, 0.0),
@@ -52,16 +52,16 @@ _ROUND = [
 
 
 def room() -> World:
-    """Make a room of 10 m by 8 m: alcoves, an oblique wall, and a pillar, a cabinet and a box that stand free."""
+    """Make a room of 10 m by 8 m: alcoves, an oblique wall, and a free-standing pillar, cabinet and box."""
     return World.from_polygons("room", [_OUTLINE, _PILLAR, _CABINET, _TURNED_BOX])
 
 
 def room_waypoints(rounds: int = 2) -> Array:
-    """Lay a closed path through :func:`room`, counter-clockwise, more than half a metre from every wall.
+    """Return a closed path through :func:`room`, counter-clockwise, more than half a metre from every wall.
 
     Parameters
     ----------
-    rounds : how often to go round; about 19 m each.
+    rounds : number of rounds, of about 19 m each.
 
     Returns
     -------

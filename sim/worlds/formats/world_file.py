@@ -1,4 +1,4 @@
-"""Worlds from files, whatever their format."""
+"""The reader of world files: it chooses the reader of the format."""
 
 from collections.abc import Callable
 from pathlib import Path
@@ -11,10 +11,10 @@ _IMAGES = {".pgm", ".png", ".bmp"}
 
 
 def read_site(path: Path) -> Site:
-    """Read the walls, and the path where there is one, of a file.
+    """Read a world from a file of any known format: its walls, and its path where the file holds one.
 
-    The format follows from the suffix, and where that says nothing from the first character: our own JSON
-    (docs/worlds.md), Gazebo SDF, the YAML of a ROS map, or DXF. Each reader is imported by the file that needs it.
+    The formats are our own JSON (docs/worlds.md), Gazebo SDF, the YAML of a ROS map, and DXF. The suffix tells the
+    format; where it is unknown, the first character does.
 
     Parameters
     ----------
@@ -34,7 +34,7 @@ def read_site(path: Path) -> Site:
         raise WorldError(f"{path}: cannot be read: {error.strerror or error}") from None
     suffix = path.suffix.lower()
     if suffix in _IMAGES:
-        raise WorldError(f"{path}: an image alone has no scale: give the map's YAML file, which names it")
+        raise WorldError(f"{path}: an image alone has no scale: give the map's YAML file, which names the image")
     return _reader(path, _SUFFIXES.get(suffix) or {b"{": "json", b"<": "sdf"}.get(start[:1]))(path)
 
 
@@ -60,4 +60,5 @@ def _reader(path: Path, file_format: str | None) -> Callable[[Path], Site]:
                     raise
                 raise WorldError(f"{path}: DXF needs ezdxf: pip install ezdxf") from None
             return read_dxf
-    raise WorldError(f"{path}: no format of a world: expected {', '.join(_SUFFIXES)}")
+        case _:
+            raise WorldError(f"{path}: no format of a world: expected {', '.join(_SUFFIXES)}")
