@@ -100,7 +100,8 @@ class Gates:
     def joint(self, most_pairs: int) -> Array:
         """Limits of the squared Mahalanobis distance of 0, 1, ... pairs together, for so many pairs or more."""
         if len(self._joint) <= most_pairs:
-            self._joint = chi2.ppf(self._match_probability, np.maximum(2 * np.arange(2 * most_pairs + 1), 1))
+            dofs = np.maximum(2 * np.arange(2 * most_pairs + 1), 1)
+            self._joint = np.asarray(chi2.ppf(self._match_probability, dofs), np.float64)
         return self._joint
 
 
