@@ -11,7 +11,7 @@ import sys
 from collections.abc import Iterator
 from dataclasses import fields, is_dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 from drivers.frame import Frame, SourceInfo
 from drivers.open_log import open_log
@@ -91,7 +91,7 @@ def _scaled(name: str, value: Any, by: float) -> Any:
     if name in PROBABILITIES:
         return 1.0 - by * (1.0 - value)
     if isinstance(value, tuple):
-        return tuple(by * each for each in value)
+        return tuple(by * each for each in cast(tuple[float, ...], value))
     return max(1, round(by * value)) if isinstance(value, int) else by * value
 
 

@@ -1,3 +1,5 @@
+# pyright: reportUnknownMemberType=false
+# ezdxf leaves the types of some arguments open.
 """Write the apartment as a ROS map (PGM and YAML) and as a DXF drawing: python draw_floor_plans.py FOLDER."""
 
 import itertools

@@ -80,7 +80,8 @@ class GaussNewtonBackEnd:
 
     def pose_covs(self, estimate: GraphEstimate, key_frames: Indices) -> Array:
         """Marginal covariances of key frames, each in its own frame."""
-        poses, covs = estimate.poses_world_robot, []
+        poses = estimate.poses_world_robot
+        covs: list[Array] = []
         for key in key_frames:
             rows = 3 * int(key) + np.arange(3)
             turn = np.eye(3)
@@ -91,15 +92,14 @@ class GaussNewtonBackEnd:
 
     def distances2(self, estimate: GraphEstimate, pairs: Indices, variances: Array) -> Array:
         """Squared Mahalanobis distances between landmarks."""
-        poses, distances2 = estimate.poses_world_robot, []
-        for pair, variance in zip(pairs, variances, strict=True):
-            at = np.searchsorted(estimate.landmarks, pair)
+        poses, distances2 = estimate.poses_world_robot, np.empty(len(pairs))
+        for k, at in enumerate(np.searchsorted(estimate.landmarks, pairs)):
             rows = (poses.size + 2 * at[:, None] + np.arange(2)).ravel()
             cov = self._columns(poses, estimate.landmarks, estimate.positions_world, rows)[rows]
             both = np.hstack([np.eye(2), -np.eye(2)])
             apart = estimate.positions_world[at[0]] - estimate.positions_world[at[1]]
-            distances2.append(apart @ np.linalg.solve(both @ cov @ both.T + variance * np.eye(2), apart))
-        return np.array(distances2)
+            distances2[k] = apart @ np.linalg.solve(both @ cov @ both.T + variances[k] * np.eye(2), apart)
+        return distances2
 
     def _first_seen(self) -> dict[int, Array]:
         """Where each landmark that was seen twice lies by its first observation, world frame."""

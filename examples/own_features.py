@@ -4,6 +4,7 @@ The extractor fulfils :class:`slam.view.Extractor` and nothing else of the proje
 """
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
 from features import Corners, Features, LaserScan, SensorModel, extract
@@ -40,7 +41,7 @@ def clusters(scan: LaserScan, sensor: SensorModel) -> list[Array]:
     return [part for part in parts if len(part) > 8 and RADIUS < np.hypot(*(part[-1] - part[0])) < 2.2 * RADIUS]
 
 
-def fit_column(points: Array, sensor: SensorModel) -> tuple[Array, Array] | None:
+def fit_column(points: Array, sensor: SensorModel) -> tuple[Array, NDArray[np.floating]] | None:
     """Centre of a circle of the known radius and its covariance; None where the points are no circle."""
     middle = points.mean(axis=0)
     start = middle * (1.0 + RADIUS / np.hypot(*middle))
@@ -48,7 +49,8 @@ def fit_column(points: Array, sensor: SensorModel) -> tuple[Array, Array] | None
     variance = sensor.sigma_range**2
     if 2.0 * fit.cost > 3.0 * variance * len(points):
         return None
-    return fit.x, variance * np.linalg.inv(fit.jac.T @ fit.jac)
+    jacobian = np.asarray(fit.jac, np.float64)
+    return fit.x, variance * np.linalg.inv(jacobian.T @ jacobian)
 
 
 def hall() -> Site:

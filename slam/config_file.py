@@ -3,7 +3,7 @@
 import tomllib
 from collections.abc import Iterator, Mapping
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeGuard
 
 import tomlkit
 from pydantic import BaseModel, ValidationError
@@ -45,7 +45,7 @@ def load_config(
     given: dict[str, Any] = _read_toml(path) if path else {}
     where = f"{path}: " if path else ""
     sensor = given.get("sensor", {})
-    if not isinstance(sensor, dict):
+    if not _is_table(sensor):
         raise ConfigError(f"{where}sensor: expected a table [sensor]")
     file_preset = sensor.get("preset")
     if not isinstance(file_preset, str | None):
@@ -91,7 +91,7 @@ def check_same(before: SlamConfig, now: SlamConfig, whose: str) -> None:
 
 def _leaves(values: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, Any]]:
     for key, value in values.items():
-        if isinstance(value, dict):
+        if _is_table(value):
             yield from _leaves(value, f"{prefix}{key}.")
         else:
             yield prefix + key, value
@@ -107,7 +107,7 @@ def to_toml(config: SlamConfig) -> str:
 def fill_table(table: Any, section: BaseModel) -> None:
     """Put each value of a section into a table of TOML, with its meaning and unit beside it."""
     for name, field in type(section).model_fields.items():
-        value = getattr(section, name)
+        value: object = getattr(section, name)
         if isinstance(value, BaseModel):
             nested = tomlkit.table()
             fill_table(nested, value)
@@ -134,5 +134,10 @@ def _overlay(base: Mapping[str, Any], given: Mapping[str, Any]) -> dict[str, Any
     merged = dict(base)
     for key, value in given.items():
         below = merged.get(key)
-        merged[key] = _overlay(below, value) if isinstance(below, dict) and isinstance(value, dict) else value
+        merged[key] = _overlay(below, value) if _is_table(below) and _is_table(value) else value
     return merged
+
+
+def _is_table(value: object) -> TypeGuard[dict[str, Any]]:
+    """Whether a value of TOML is a table, whose keys are text."""
+    return isinstance(value, dict)

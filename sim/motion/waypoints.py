@@ -63,7 +63,7 @@ def _from_json(path: Path, text: str) -> list[tuple[float, float]]:
 
 def _point(values: object, where: str) -> tuple[float, float]:
     try:
-        x, y = map(float, values)  # type: ignore[call-overload]  # other types raise the errors below
+        x, y = map(float, values)  # pyright: ignore[reportArgumentType]  # other types raise the errors below
     except (TypeError, ValueError):
         raise WorldError(f"{where}: {str(values)[:60]}: expected x and y [m]") from None
     if not (math.isfinite(x) and math.isfinite(y)):

@@ -6,8 +6,8 @@ from typing import cast
 import numpy as np
 import numpy.typing as npt
 import shapely
-from scipy.sparse import coo_array  # pyright: ignore[reportMissingTypeStubs]  # scipy is untyped
-from scipy.sparse.csgraph import connected_components  # pyright: ignore[reportMissingTypeStubs, reportUnknownVariableType]  # scipy is untyped
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
 
 from features.se2 import Array
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Generator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
@@ -182,7 +182,7 @@ def _begun(
     overwrite: bool,
     scheduler: str | None,
     workers: int | None,
-) -> Iterator[tuple[Client, Path]]:
+) -> Generator[tuple[Client, Path]]:
     """Workers and folder of a study; its finished tasks stay in the folder unless it comes to its end."""
     from slam.study.tasks.folder import study_folder
     from slam.study.tasks.journal import discard, identity
@@ -202,7 +202,7 @@ def _check(scheduler: str | None, workers: int | None) -> None:
 
 
 @contextmanager
-def _interruptible() -> Iterator[None]:
+def _interruptible() -> Generator[None]:
     try:
         yield
     except KeyboardInterrupt:

@@ -12,8 +12,8 @@ from drivers.open_log import is_recording
 from drivers.recording.recording import Recording
 from features.se2 import Array, Pose, align, transform
 from sim.worlds.world import World
-from slam.evaluation.metrics import ate, match_landmarks, rpe
-from slam.evaluation.relations import read_relations, relations
+from slam.evaluation.metrics import Ate, Rpe, ate, match_landmarks, rpe
+from slam.evaluation.relations import RelationError, read_relations, relations
 from slam.result.result import SlamResult
 from slam.result.trajectory import Trajectory
 from slam.result.trajectory_file import read_trajectory_file
@@ -150,7 +150,7 @@ def _root_mean_square(errors: Array) -> float:
     return float(np.sqrt(np.mean(errors**2)))
 
 
-def _figures(error: object) -> dict[str, float]:
-    figures = asdict(error)  # type: ignore[call-overload]  # every error is a dataclass
+def _figures(error: Ate | Rpe | RelationError) -> dict[str, float]:
+    figures = asdict(error)
     figures.pop("pose_truth_estimate", None)
     return figures

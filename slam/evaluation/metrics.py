@@ -183,7 +183,7 @@ def match_landmarks(landmarks_truth: ArrayLike, landmarks_estimate: ArrayLike, m
     truth, estimate = _points(landmarks_truth), _points(landmarks_estimate)
     if not (np.isfinite(max_distance) and max_distance >= 0.0):
         raise ValueError(f"max_distance is {max_distance:g}: expected metres of at least 0")
-    distances = np.linalg.norm(truth[:, np.newaxis] - estimate[np.newaxis], axis=2)
+    distances: Array = np.linalg.norm(truth[:, np.newaxis] - estimate[np.newaxis], axis=2)
     near = distances <= max_distance
     # One pair more is worth any sum of distances.
     apart = (max_distance + 1.0) * (min(distances.shape) + 1.0)
@@ -220,7 +220,7 @@ def mean_interval(dof: float, samples: int, confidence: float = 0.95) -> tuple[f
     from scipy.stats import chi2
 
     tail = (1.0 - confidence) / 2.0
-    low, high = chi2.ppf([tail, 1.0 - tail], samples * dof) / samples
+    low, high = np.asarray(chi2.ppf([tail, 1.0 - tail], samples * dof)) / samples
     return float(low), float(high)
 
 

@@ -1,3 +1,5 @@
+# pyright: reportConstantRedefinition=false
+# Matrices have the capital letters of filterpy.
 """EKF-SLAM over a robot pose and point landmarks, on filterpy's extended Kalman filter.
 
 The state is ``[x, y, theta, x_1, y_1, x_2, y_2, ...]``, world frame. The steps of filterpy are dense, cubic in the
@@ -9,10 +11,10 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import TypeAlias
+from typing import Concatenate, TypeAlias
 
 import numpy as np
-from filterpy.kalman import ExtendedKalmanFilter
+from filterpy.kalman import ExtendedKalmanFilter  # pyright: ignore[reportMissingTypeStubs]  # filterpy is untyped
 from numpy.typing import NDArray
 from scipy.linalg import cho_factor, cho_solve
 from scipy.sparse import csr_array
@@ -42,6 +44,7 @@ class LandmarkEkf(ExtendedKalmanFilter):
 
     x: Array
     P: Array
+    dim_z: int
 
     def __init__(self, pose_world_robot: Pose, cov: Array) -> None:
         super().__init__(dim_x=POSE_DIM, dim_z=2)
@@ -100,8 +103,8 @@ class LandmarkEkf(ExtendedKalmanFilter):
     def update(
         self,
         z: Array | None,
-        HJacobian: Callable[..., Jacobian],
-        Hx: Callable[..., Array],
+        HJacobian: Callable[Concatenate[Array, ...], Jacobian],
+        Hx: Callable[Concatenate[Array, ...], Array],
         R: Array | float | None = None,
         args: object = (),
         hx_args: object = (),
@@ -142,8 +145,8 @@ class LandmarkEkf(ExtendedKalmanFilter):
     def predict_update(
         self,
         z: Array | None,
-        HJacobian: Callable[..., Jacobian],
-        Hx: Callable[..., Array],
+        HJacobian: Callable[Concatenate[Array, ...], Jacobian],
+        Hx: Callable[Concatenate[Array, ...], Array],
         args: object = (),
         hx_args: object = (),
         u: Pose | int = 0,
@@ -220,7 +223,7 @@ def _motion(u: Pose | int) -> Pose:
 
 def _tuple(arguments: object) -> tuple[object, ...]:
     """Arguments of a function as filterpy takes them: a tuple, or a single one by itself."""
-    return arguments if isinstance(arguments, tuple) else (arguments,)
+    return arguments if isinstance(arguments, tuple) else (arguments,)  # pyright: ignore[reportUnknownVariableType]  # a tuple of anything
 
 
 def block_diagonal(blocks: Array) -> Array:

@@ -108,7 +108,7 @@ class FrontEnd:
         landmarks = table.find(identities[new])
         back = landmarks >= 0
         self.returned = bool(back.any())
-        table.activate(landmarks[back], np.zeros(back.sum()))
+        table.activate(landmarks[back], np.zeros(np.count_nonzero(back)))
         table.see(landmarks[back], corners_robot, new[back], heading)
         landmarks[~back] = table.add(corners_robot, new[~back], heading, identities[new[~back]])
         return landmarks
@@ -127,7 +127,7 @@ class FrontEnd:
 
     def merge(self) -> list[tuple[int, int]]:
         """Merge landmarks that are one; return the pairs, the landmark that is kept first (eq. M46-M47)."""
-        merged = []
+        merged: list[tuple[int, int]] = []
         while (pair := self._duplicates()) is not None:
             kept, other = sorted(pair, key=lambda slot: int(self.active[slot]))
             self._constrain_equal(kept, other)

@@ -1,3 +1,4 @@
+# pyright: standard
 """Joint compatibility branch and bound (Neira and Tardos 2001): the largest set of pairings that hold together."""
 
 import numpy as np

@@ -103,7 +103,7 @@ class _Fit:
 
     def tree(self, relinearize: float) -> gtsam.ISAM2:
         tree = empty_tree(relinearize, relinearize_skip=1)
-        tree.update(self.graph, self.values)
+        tree.update(self.graph, self.values)  # pyright: ignore[reportUnknownMemberType]  # GTSAM leaves arguments untyped
         return tree
 
 

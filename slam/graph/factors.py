@@ -58,6 +58,6 @@ def empty_tree(relinearize: float, relinearize_skip: int) -> gtsam.ISAM2:
     """
     params = gtsam.ISAM2Params()
     params.setFactorization("QR")
-    params.setRelinearizeThreshold(relinearize)
+    params.setRelinearizeThreshold(relinearize)  # pyright: ignore[reportUnknownMemberType]  # GTSAM leaves arguments untyped
     params.relinearizeSkip = relinearize_skip
     return gtsam.ISAM2(params)

@@ -1,6 +1,7 @@
 """The factor graph behind the filter: key frames, odometry between them, corners seen from each, closures, on GTSAM."""
 
 import logging
+from collections.abc import Iterator
 
 import gtsam
 import numpy as np
@@ -122,7 +123,7 @@ class LandmarkGraph:
         if self._isam is None:
             return
         try:
-            self._isam.update(self._new_factors, self._new_values)
+            self._isam.update(self._new_factors, self._new_values)  # pyright: ignore[reportUnknownMemberType]  # GTSAM leaves arguments untyped
             self._moved, self._closed = self._moved or self._closed, False
             if not self._moved:
                 newest = self._isam.calculateEstimatePose2(X(len(self) - 1))
@@ -249,5 +250,5 @@ class LandmarkGraph:
         return Problem(graph, guess, landmarks, self._rules)
 
 
-def _each(observations: Observations) -> zip:
+def _each(observations: Observations) -> Iterator[tuple[int, Array, Array]]:
     return zip(observations.landmarks.tolist(), observations.positions_robot, observations.covs, strict=True)

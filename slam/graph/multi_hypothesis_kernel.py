@@ -1,3 +1,4 @@
+# pyright: standard
 """Compiled steps of filters that stand side by side, each with its own belief of which landmark was seen."""
 
 import math

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from features.feature import Corners
 from features.se2 import Array, Pose, between, compose, inverse
 from slam.graph.values import Closure
-from slam.loop.constellation import collect_constellation
+from slam.loop.constellation import Constellation, collect_constellation
 from slam.loop.dead_reckoning import DeadReckoning
 from slam.loop.geometric_hashing import GeometricHash
 from slam.loop.rules import LoopCounts, LoopRules
@@ -157,9 +157,7 @@ class LoopCloser:
         """Closures of the newest submap and the one place on which its constellation lies."""
         lengths = np.array(self._path_lengths)
         here = self._unbroken(newest, np.flatnonzero(lengths > lengths[newest] - self._rules.constellation))
-        corners = collect_constellation(
-            _relative(newest, here, poses_world_robot), [self._corners[key] for key in here], self._rules.places
-        )
+        corners = self._constellation(newest, here, poses_world_robot)
         places = np.array(self._places, np.int64)
         proposals = self._index.propose(corners, lambda hits, poses: self._possible(places[hits], poses))
         self.counts.proposed_by_corners += len(proposals)
@@ -202,7 +200,7 @@ class LoopCloser:
                 fits.append((key, fit, compose(fit.pose_map_robot, inverse(motion))))
         # Those that agree with the one with which most do.
         alike = [[each for each in fits if self._agree(one[2], each[2])] for one in fits]
-        agreed = max(alike, key=len, default=[])
+        agreed = max(alike, key=len, default=fits)
         if len(agreed) < rules.supporters:
             return None
         _, _, pose = max(agreed, key=lambda each: each[1].share)
@@ -219,14 +217,19 @@ class LoopCloser:
             if keys.size:
                 middle = int(keys[keys.size // 2])
                 keys = self._unbroken(middle, keys)
-                home = _relative(middle, keys, poses_world_robot)
-                self._index.add(collect_constellation(home, [self._corners[key] for key in keys], rules.places))
+                self._index.add(self._constellation(middle, keys, poses_world_robot))
                 self._places.append(middle)
             self._indexed += rules.constellation / rules.overlap
 
     def _unbroken(self, home: int, key_frames: NDArray[np.int64]) -> NDArray[np.int64]:
         """Key frames whose place relative to one of them is known well."""
         return key_frames[np.array(self._breaks)[key_frames] == self._breaks[home]]
+
+    def _constellation(self, home: int, key_frames: NDArray[np.int64], poses_world_robot: Array) -> Constellation:
+        """Corners that key frames saw, in the frame of one of them."""
+        keys: list[int] = key_frames.tolist()
+        poses_home_robot = [between(poses_world_robot[home], poses_world_robot[key]) for key in keys]
+        return collect_constellation(poses_home_robot, [self._corners[key] for key in keys], self._rules.places)
 
     def _fit(self, key_frame: int, walls: Array, start: Pose) -> Registration:
         return register(self._scans[key_frame], walls, start, self._unknown_cov, start, self._rules.registration)
@@ -237,7 +240,3 @@ class LoopCloser:
     def _possible(self, older: NDArray[np.int64], motions: Array) -> NDArray[np.bool_]:
         """Whether dead reckoning allows for motions of the newest key frame from older ones, shapes (h,) and (h, 3)."""
         return self._reckoning.distances2(older, motions, self._blur_cov) <= self._possible_gate
-
-
-def _relative(home: int, key_frames: NDArray[np.int64], poses_world_robot: Array) -> list[Pose]:
-    return [between(poses_world_robot[home], poses_world_robot[key]) for key in key_frames]

@@ -55,7 +55,9 @@ def _merged(seen: Constellation, rules: PlaceRules) -> Constellation:
     openings, orientations = seen.signatures.opening_angles, seen.signatures.orientations
     left = np.ones(len(seen), np.bool_)
     firsts: list[int] = []
-    positions, mean_openings, mean_orientations = [], [], []
+    positions: list[Array] = []
+    mean_openings: list[float] = []
+    mean_orientations: list[float] = []
     for first in range(len(seen)):
         if not left[first]:
             continue
@@ -64,7 +66,7 @@ def _merged(seen: Constellation, rules: PlaceRules) -> Constellation:
         firsts.append(first)
         positions.append(seen.positions[same].mean(axis=0))
         mean_openings.append(openings[same].mean())
-        turns = wrap_angle(orientations[same] - orientations[first])
+        turns = wrap_angle(orientations[same] - float(orientations[first]))
         mean_orientations.append(wrap_angle(float(orientations[first] + turns.mean())))
     signatures = Signatures(seen.signatures.kinds[firsts], np.array(mean_openings), np.array(mean_orientations))
     return Constellation(np.array(positions).reshape(-1, 2), signatures)

@@ -45,12 +45,14 @@ class DeadReckoning:
         -------
         shape (h,).
         """
-        homes, here = self._poses[older], self._poses[-1]
+        homes = self._poses[older]
+        here: Array = self._poses[-1]
+        total: Array = self._sums[-1]
         slip = compose_each(homes, motions) - here
         slip[:, 2] = wrap_angle(slip[:, 2])
         drift = np.linalg.inv(_about_origin(here))
         _, axes = compose_jacobians(here, motions[0])
-        covs = drift @ (self._sums[-1] - self._sums[older]) @ drift.T + axes @ cov @ axes.T
+        covs = drift @ (total - self._sums[older]) @ drift.T + axes @ cov @ axes.T
         return np.einsum("hi,hi->h", slip, np.linalg.solve(covs, slip[..., None])[..., 0])
 
 

@@ -1,9 +1,9 @@
 """Places by their constellations of corners, found again by pairs of corners wherever the robot believes to be."""
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -99,7 +99,7 @@ class GeometricHash:
             self._known = np.concatenate([*self._pairs, np.empty((0, PAIR_FIELDS))])
             self._place_of = np.repeat(np.arange(len(self._pairs)), [len(pairs) for pairs in self._pairs])
             tree = self._tree = KDTree(self._known[:, SIGNATURE:])
-        alike = tree.query_ball_point(here[:, SIGNATURE:], 1.0, p=np.inf)
+        alike = cast(Sequence[list[int]], tree.query_ball_point(here[:, SIGNATURE:], 1.0, p=np.inf))
         mine = np.repeat(np.arange(len(here)), [len(each) for each in alike])
         theirs = np.array([pair for each in alike for pair in each], np.int64)
         seen, known = here[mine], self._known[theirs]
@@ -151,7 +151,7 @@ def _mean_of_voters(poses: Array, elected: Pose, middle: Array, rules: PlaceRule
     """
     middles = poses[:, :2] + rotate_each(np.tile(middle, (len(poses), 1)), poses[:, 2])
     elected_middle = elected[:2] + rotate_each(middle[None], elected[2:])[0]
-    turns = wrap_angle(poses[:, 2] - elected[2])
+    turns = wrap_angle(poses[:, 2] - float(elected[2]))
     voters = (np.abs(middles - elected_middle) <= rules.vote_distance).all(axis=1) & (np.abs(turns) <= rules.vote_turn)
     turn = elected[2:] + turns[voters].mean()
     x, y = middles[voters].mean(axis=0) - rotate_each(middle[None], turn)[0]

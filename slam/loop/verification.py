@@ -22,7 +22,8 @@ def walls_world(scans: Sequence[ScanPoints], key_frames: NDArray[np.int64], pose
     key_frames : those whose walls are wanted, shape (k,), k >= 1.
     poses_world_robot : of all key frames, shape (n, 3).
     """
-    each = [scans[key].walls_robot for key in key_frames]
+    keys: list[int] = key_frames.tolist()
+    each = [scans[key].walls_robot for key in keys]
     walls = np.concatenate(each)
     homes = poses_world_robot[np.repeat(key_frames, [len(of_one) for of_one in each])]
     walls[:, [WALL_X, WALL_Y]] = rotate_each(walls[:, [WALL_X, WALL_Y]], homes[:, 2]) + homes[:, :2]

@@ -1,3 +1,4 @@
+# pyright: standard
 """Which points and walls the beams of a scan have gone through."""
 
 import math

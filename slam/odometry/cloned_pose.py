@@ -1,3 +1,4 @@
+# pyright: standard
 """A pose that drifts, how far its error reaches, and the motion since earlier moments."""
 
 import math

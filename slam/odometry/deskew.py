@@ -31,7 +31,7 @@ def deskew(scan: LaserScan, model: SensorModel, pose_world_robot: Pose, poses_wo
     points_world = rotate_each(points_robot, poses_world_robot[:, 2]) + poses_world_robot[:, :2]
     moved_robot = rotate_each(points_world - pose_world_robot[:2], -pose_world_robot[2])
     moved = model.mounting.points_to_sensor(moved_robot)
-    turns = np.linalg.det(model.mounting.axes) * wrap_angle(poses_world_robot[:, 2] - pose_world_robot[2])
+    turns = np.linalg.det(model.mounting.axes) * wrap_angle(poses_world_robot[:, 2] - float(pose_world_robot[2]))
     # The same turn of the sensor as before, so that beams of one sweep stay in order.
     seen_turns = wrap_angle(np.arctan2(moved[:, 1], moved[:, 0]) - scan.angles)
     return LaserScan(
@@ -65,8 +65,9 @@ def deskew_by_odometry(
     recent = np.array(stamps[first:])
     poses = np.array(poses_odom_robot[first:])
     poses[:, 2] = np.unwrap(poses[:, 2])
-    beams = np.column_stack([np.interp(times, recent, column) for column in poses.T])
-    before = int(np.searchsorted(recent, recent[-1])) - 1
+    columns: list[Array] = [*poses.T]
+    beams = np.column_stack([np.interp(times, recent, column) for column in columns])
+    before = int(np.searchsorted(recent, stamps[-1])) - 1
     if before >= 0:
         velocity = (poses[-1] - poses[before]) / (recent[-1] - recent[before])
         beams += np.maximum(times - recent[-1], 0.0)[:, None] * velocity

@@ -1,3 +1,4 @@
+# pyright: standard
 """Walls of the recent key frames: what a scan is registered to."""
 
 import math

@@ -1,3 +1,4 @@
+# pyright: standard
 """The compiled part of a registration: walls laid on beams, and information and gradient of the pose."""
 
 import math

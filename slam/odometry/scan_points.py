@@ -1,3 +1,4 @@
+# pyright: standard
 """The points of a scan in the order of their bearings, and the line that each belongs to."""
 
 import math

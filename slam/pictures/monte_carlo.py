@@ -1,3 +1,5 @@
+# pyright: reportUnknownMemberType=false
+# matplotlib leaves the types of keyword arguments open.
 """Picture of a study of simulated runs."""
 
 from collections.abc import Mapping, Sequence

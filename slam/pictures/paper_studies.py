@@ -1,3 +1,5 @@
+# pyright: reportUnknownMemberType=false
+# matplotlib leaves the types of keyword arguments open.
 """Pictures of the studies of single corners: accuracy, consistency, time."""
 
 from collections.abc import Mapping, Sequence
@@ -125,7 +127,12 @@ def draw_consistency(
             values = list(dict.fromkeys(row["value"] for row in rows if row["sweep"] == sweep))
             for method in labels:
                 mine = [row for row in rows if row["sweep"] == sweep and row["method"] == method]
-                style = {"color": COLORS[method], "marker": MARKERS[method], "markersize": 4, "linewidth": 1.3}
+                style: dict[str, Any] = {
+                    "color": COLORS[method],
+                    "marker": MARKERS[method],
+                    "markersize": 4,
+                    "linewidth": 1.3,
+                }
                 nees.plot(values, [row["nees_half"] for row in mine], label=labels[method], **style)
                 bias.plot(values, [row["bias_mm"] for row in mine], **style)
             for axis in (nees, bias):
@@ -228,7 +235,8 @@ def draw_steps(path: Path, environment: str, steps: Rows, uncertainty: Rows, lab
         left.set_ylim(top=1.35 * left.get_ylim()[1])
         left.legend(fontsize=8.5, ncols=2, loc="upper left")
 
-        width, ticks = 0.19, []
+        width = 0.19
+        ticks: list[str] = []
         for group, (form, count) in enumerate((form, count) for form in forms for count in counts):
             of = {
                 row["step"]: row["time_us"]

@@ -1,6 +1,9 @@
+# pyright: reportUnknownMemberType=false
+# matplotlib leaves the types of keyword arguments open.
 """Pictures of a run."""
 
 from pathlib import Path
+from typing import Any
 
 import matplotlib as mpl
 import numpy as np
@@ -140,8 +143,8 @@ def _legend(result: SlamResult, magnification: int) -> list[Line2D]:
     """Entries for what there is; of landmarks all kinds of corners, or points."""
     drawn = "2 sigma" if magnification == 1 else f"2 sigma x {magnification}"
 
-    def entry(label: str, **style: object) -> Line2D:
-        return Line2D([], [], label=label, **style)  # type: ignore[arg-type]  # style names are matplotlib's
+    def entry(label: str, **style: Any) -> Line2D:
+        return Line2D([], [], label=label, **style)
 
     walls = [entry("walls as seen", color=WALL, alpha=0.6)]
     corners = [

@@ -1,3 +1,5 @@
+# pyright: reportUnknownMemberType=false
+# matplotlib leaves the types of keyword arguments open.
 """Picture of one scan: points by segment, fitted lines, corners with their ellipses."""
 
 from pathlib import Path

@@ -1,3 +1,5 @@
+# pyright: reportUnknownMemberType=false
+# matplotlib leaves the types of keyword arguments open.
 """What the pictures of studies share: their style, and how a figure is made and written."""
 
 from pathlib import Path

@@ -125,7 +125,7 @@ def _why_none(folder: Path) -> str:
 
 def _header(line: bytes) -> Mapping[str, Any] | None:
     try:
-        header = json.loads(line)
+        header: dict[str, Any] | list[Any] | str | float | None = json.loads(line)
     except ValueError:
         return None
     return header if isinstance(header, dict) and header.get("format") == FORMAT else None

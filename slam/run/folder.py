@@ -4,7 +4,7 @@ import csv
 import json
 import os
 import re
-from collections.abc import Iterator
+from collections.abc import Generator
 from contextlib import contextmanager
 from datetime import datetime
 from pathlib import Path
@@ -36,7 +36,7 @@ def default_folder(name: str, now: datetime) -> Path:
 
 
 @contextmanager
-def claimed(folder: Path, *, overwrite: bool) -> Iterator[Path]:
+def claimed(folder: Path, *, overwrite: bool) -> Generator[Path]:
     """Make the folder before a run, so that a run is not lost to it at the end; an empty one goes again on an error.
 
     Raises

@@ -4,9 +4,10 @@ import functools
 import hashlib
 import struct
 from dataclasses import fields, is_dataclass
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
+from numpy.typing import NDArray
 
 from drivers.frame import Frame
 
@@ -20,8 +21,9 @@ def extend_digest(digest: bytes, frame: Frame) -> bytes:
 
 def _extend(chain: "hashlib.blake2b", value: Any) -> None:
     if isinstance(value, np.ndarray):
-        chain.update(repr((value.shape, value.dtype.str)).encode())
-        chain.update(np.ascontiguousarray(value).data)
+        array = cast(NDArray[Any], value)
+        chain.update(repr((array.shape, array.dtype.str)).encode())
+        chain.update(np.ascontiguousarray(array).data)
     elif isinstance(value, float):
         chain.update(struct.pack("d", value))
     elif is_dataclass(value):

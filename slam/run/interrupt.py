@@ -1,9 +1,9 @@
 """Ctrl-C as a request to come to an end, not as an exception in the middle of a computation."""
 
 import signal
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from types import FrameType, TracebackType
-from typing import Self, TypeVar
+from typing import Any, Self, TypeVar
 
 Item = TypeVar("Item")
 
@@ -14,7 +14,7 @@ class Interrupt:
     def __init__(self) -> None:
         self.requested = False
         self._waiting = False
-        self._handlers: dict[signal.Signals, object] = {}
+        self._handlers: dict[signal.Signals, Callable[[int, FrameType | None], Any] | int | None] = {}
 
     def __enter__(self) -> Self:
         for number in (signal.SIGINT, signal.SIGTERM):
@@ -25,7 +25,7 @@ class Interrupt:
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
         for number, handler in self._handlers.items():
-            signal.signal(number, handler)  # type: ignore[arg-type]  # what signal.signal returned
+            signal.signal(number, handler)
 
     def until(self, items: Iterable[Item]) -> Iterator[Item]:
         """Yield items until a signal comes, also while the next one is waited for, however long that takes."""

@@ -91,7 +91,7 @@ def _field(value: Any) -> Any:
     return value
 
 
-def _known(value: Any) -> Any:
+def _known(value: Mapping[str, Any] | list[Any] | tuple[Any, ...] | str | float | None) -> Any:
     if isinstance(value, Mapping):
         return {key: _known(item) for key, item in value.items()}
     if isinstance(value, list | tuple):

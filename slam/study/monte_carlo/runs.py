@@ -113,18 +113,18 @@ def run_task(settings: MonteCarloSettings, task: int, seed: int) -> dict[str, An
 
 def run_rows(results: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
     """One row per run: its figures, NIS per degree of freedom, and the means over its instants of the pose's NEES."""
-    rows = []
+    rows: list[dict[str, Any]] = []
     for result in results:
-        row = dict(result["row"])
+        row: dict[str, Any] = dict(result["row"])
         row["nis"] = row["nis"] / row["nis_dof"] if row["nis_dof"] else None
-        means = {name: None if result[name] is None else float(np.mean(result[name])) for name in TRACES}
+        means = {name: None if result[name] is None else float(np.array(result[name]).mean()) for name in TRACES}
         rows.append(row | means)
     return rows
 
 
 def nees_rows(results: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
     """One row per instant and estimate: mean of the pose's NEES over the runs and the interval of such a mean."""
-    rows = []
+    rows: list[dict[str, Any]] = []
     for name, label in TRACES.items():
         of_runs = _trace(results, name)
         if not len(of_runs):

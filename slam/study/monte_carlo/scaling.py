@@ -164,7 +164,7 @@ def _rate(client: Client, folder: Path, count: int) -> float:
 
 def _own_s(*clients: Client) -> float:
     """Processor time of this process and of the workers so far [s]."""
-    of_workers: list[dict[str, float]] = [client.run(time.process_time) for client in clients]  # type: ignore[misc]  # by worker
+    of_workers: list[dict[str, float]] = [client.run(time.process_time) for client in clients]  # pyright: ignore[reportUnknownMemberType, reportUnknownVariableType, reportAssignmentType]  # dask leaves it open; by worker
     return time.process_time() + sum(sum(of.values()) for of in of_workers)
 
 

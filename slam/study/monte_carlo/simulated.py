@@ -57,9 +57,9 @@ def simulate(source: SimulatedRun, config: SlamConfig, scans: int = 0) -> dict[s
             if matches := len(step.association.corners):
                 nis += step.association.nis
                 nis_dof += 2 * matches
-            error = slam.filter.pose - truth
+            error: Array = slam.filter.pose - truth
             updates.append(records - 1)
-            errors.append(np.array([error[0], error[1], wrap_angle(error[2])]))
+            errors.append(np.array([error[0], error[1], wrap_angle(float(error[2]))]))
             covs.append(slam.filter.pose_cov)
         if slam.scans == scans > 0:
             break

@@ -38,9 +38,9 @@ class AssociationScore:
     seen : true corners of all observations of each scan.
     """
 
-    matches: list[tuple[Labels, Labels]] = field(default_factory=list)
-    births: list[Labels] = field(default_factory=list)
-    seen: list[Labels] = field(default_factory=list)
+    matches: list[tuple[Labels, Labels]] = field(default_factory=list[tuple[Labels, Labels]])
+    births: list[Labels] = field(default_factory=list[Labels])
+    seen: list[Labels] = field(default_factory=list[Labels])
 
     def count(self, association: Association, labels: Labels) -> None:
         """Count what became of the observations of one scan.
@@ -59,7 +59,8 @@ class AssociationScore:
         births = np.concatenate([np.empty(0, np.int64), *self.births])
         seen: list[list[int]] = [[corner] if corner >= 0 else [] for corner in births.tolist()]
         for landmarks, labels in self.matches:
-            for landmark, corner in zip(landmarks.tolist(), labels.tolist(), strict=True):
+            slots: list[int] = landmarks.tolist()
+            for landmark, corner in zip(slots, labels.tolist(), strict=True):
                 if corner >= 0:
                     seen[landmark].append(corner)
         return np.array([max(each, key=each.count, default=-1) for each in seen], np.int64)

@@ -198,7 +198,7 @@ def collect_results(
     for result in results:
         for index, lists in result["seen"]:
             parts.setdefault(index, []).append(lists)
-    seen = []
+    seen: list[Seen] = []
     for index, of in sorted(parts.items()):
         world = shown_worlds[index]
         order = dict.fromkeys(corner for lists in of for corner in lists["order"])

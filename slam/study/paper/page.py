@@ -114,7 +114,7 @@ def _figure_3(rows: Sequence[Mapping[str, Any]]) -> str:
 
 def _steps(rows: Sequence[Mapping[str, Any]]) -> str:
     taken = {(row["environment"], row["measurements"], row["form"], row["step"]): row for row in rows}
-    lines = []
+    lines: list[list[str]] = []
     for environment, count, form in dict.fromkeys(key[:3] for key in taken):
         of = [taken[environment, count, form, step] for step in STEPS]
         shares = [f"{row['time_us']:.2f} ({row['share']:.0%})" for row in of]

@@ -1,3 +1,4 @@
+# pyright: standard
 """The four steps of a corner as compiled functions of their own, for the timing study only.
 
 The extraction computes parameters and covariance in one function per method. Here each step stands alone, so that it

@@ -1,6 +1,6 @@
 """The run folder of a study: a new one, or the one in which the same study was cut short."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Generator, Mapping
 from contextlib import contextmanager
 from datetime import datetime
 from pathlib import Path
@@ -11,7 +11,7 @@ from slam.study.tasks.journal import JOURNAL, check_owner, discard, owner_of
 
 
 @contextmanager
-def study_folder(name: str, owner: Mapping[str, Any], out: Path | None, *, overwrite: bool) -> Iterator[Path]:
+def study_folder(name: str, owner: Mapping[str, Any], out: Path | None, *, overwrite: bool) -> Generator[Path]:
     """Make the folder of a study, or take up the one that holds finished tasks of the same study.
 
     Parameters

@@ -1,3 +1,5 @@
+# pyright: reportUnknownMemberType=false
+# dask leaves the types of some arguments open.
 """Tasks of a study on the processes of this machine or of a cluster, by dask.distributed.
 
 A task is a function of the settings, its number and its seed, and of nothing else; what it yields goes into the
@@ -8,7 +10,7 @@ makes a difference.
 import logging
 import signal
 import traceback
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Generator, Iterable, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -16,7 +18,7 @@ from typing import Any
 
 import dask.config
 import numpy as np
-from distributed import Client, LocalCluster, Worker, as_completed
+from distributed import Client, Future, LocalCluster, Worker, as_completed
 from pydantic import BaseModel
 
 from slam.errors import RunFolderError, StudyError
@@ -59,7 +61,7 @@ def task_seed(seed: int, task: int) -> int:
 
 
 @contextmanager
-def pool(scheduler: str | None = None, workers: int | None = None) -> Iterator[Client]:
+def pool(scheduler: str | None = None, workers: int | None = None) -> Generator[Client]:
     """Connect to the workers of a study.
 
     Parameters
@@ -85,7 +87,7 @@ def pool(scheduler: str | None = None, workers: int | None = None) -> Iterator[C
 
 
 @contextmanager
-def _workers_here(workers: int | None) -> Iterator[Client]:
+def _workers_here(workers: int | None) -> Generator[Client]:
     # One thread each: a task hardly ever lets go of the interpreter. Dask sees to it that a worker's linear algebra has
     # no threads either. Its page of diagnostics stays on this machine, at any free port; its profiler, which looks at a
     # worker a hundred times a second, is off.
@@ -97,7 +99,7 @@ def _workers_here(workers: int | None) -> Iterator[Client]:
             processes=True,
             dashboard_address="127.0.0.1:0",
             preload=[__name__],
-        ) as cluster,
+        ) as cluster,  # pyright: ignore[reportUnknownVariableType]  # dask leaves it open
         Client(cluster) as client,
     ):
         yield client
@@ -134,7 +136,7 @@ def run_tasks(client: Client, folder: Path, study: str, settings: BaseModel, wor
     StudyError
         The scheduler is lost.
     """
-    seeds = [task_seed(settings.seed, task) for task in range(count)]  # type: ignore[attr-defined]  # see settings
+    seeds = [task_seed(settings.seed, task) for task in range(count)]  # pyright: ignore[reportAttributeAccessIssue, reportUnknownArgumentType]  # see settings
     with Journal(folder, identity(study, settings)) as journal:
         left = [task for task in range(count) if task not in journal.results]
         failures: list[Failure] = []
@@ -153,7 +155,7 @@ def run_tasks(client: Client, folder: Path, study: str, settings: BaseModel, wor
                 pure=False,
             )
             tasks = {future.key: task for future, task in zip(futures, left, strict=True)}
-            arriving = as_completed(futures, loop=client.loop, with_results=True, raise_errors=False)
+            arriving = _arriving(client, futures)
             del futures  # what has arrived is given up at the worker
             for done, (future, yielded) in enumerate(arriving, start=1):
                 task = tasks[future.key]
@@ -169,6 +171,11 @@ def run_tasks(client: Client, folder: Path, study: str, settings: BaseModel, wor
         return Outcome(dict(sorted(journal.results.items())), failures)
 
 
+def _arriving(client: Client, futures: "list[Future[Any]]") -> "Iterable[tuple[Future[Any], Any]]":
+    """Tasks and what they yielded, as they end."""
+    return as_completed(futures, loop=client.loop, with_results=True, raise_errors=False)
+
+
 def _perform(task: int, seed: int, work: Work, settings: BaseModel, program: str) -> dict[str, Any]:
     """Do a task; its error, which another process may not be able to read, becomes text."""
     try:
@@ -179,7 +186,7 @@ def _perform(task: int, seed: int, work: Work, settings: BaseModel, program: str
         return {"error": _first_line(error), "trace": traceback.format_exc()}
 
 
-def _failure(status: str, yielded: Any) -> tuple[str, str] | None:
+def _failure(status: str | None, yielded: Any) -> tuple[str, str] | None:
     """Error and trace of a task; None where it did what it should.
 
     Raises
