@@ -26,10 +26,10 @@ def assemble_result(
 ) -> SlamResult:
     """Apply the corrections of the key frames to all records, and place what the key frames saw in the world."""
     odometry = records.odometry()
-    anchors = np.array([key_frame.record for key_frame in key_frames])
+    nodes = np.array([key_frame.record for key_frame in key_frames])
     placed = list(zip(estimate.poses_world_robot, key_frames, strict=True))
     return SlamResult(
-        trajectory=Trajectory(odometry.stamps, carry_corrections(odometry.poses, anchors, estimate.poses_world_robot)),
+        trajectory=Trajectory(odometry.stamps, carry_corrections(odometry.poses, nodes, estimate.poses_world_robot)),
         trajectory_online=records.online(),
         trajectory_odometry=odometry,
         wheel_odometry=records.wheels(),

@@ -20,8 +20,8 @@ def drive(seed, count=30):
     for _ in range(count - 1):
         still = rng.random() < 0.2
         poses.append(poses[-1].copy() if still else compose(poses[-1], pose(*rng.normal([0.3, 0.0, 0.1], 0.2))))
-    anchors = np.sort(rng.choice(count, rng.integers(1, 8), replace=False))
-    return np.array(poses), anchors, rng
+    nodes = np.sort(rng.choice(count, rng.integers(1, 8), replace=False))
+    return np.array(poses), nodes, rng
 
 
 def moved(g, poses):
@@ -34,43 +34,43 @@ def assert_same_poses(first, second, tolerance=1e-9):
 
 
 @given(seeds)
-def test_anchors_are_exact_and_headings_wrapped(seed):
-    odom, anchors, rng = drive(seed)
-    corrected = np.array([compose(odom[k], pose(*rng.normal(0.0, 0.5, 3))) for k in anchors])
-    carried = carry_corrections(odom, anchors, corrected)
+def test_nodes_are_exact_and_headings_wrapped(seed):
+    odom, nodes, rng = drive(seed)
+    corrected = np.array([compose(odom[k], pose(*rng.normal(0.0, 0.5, 3))) for k in nodes])
+    carried = carry_corrections(odom, nodes, corrected)
     assert carried.shape == odom.shape
-    assert_same_poses(carried[anchors], corrected)
+    assert_same_poses(carried[nodes], corrected)
     assert (carried[:, 2] >= -math.pi).all()
     assert (carried[:, 2] <= math.pi).all()
 
 
 @given(seeds)
 def test_without_corrections_nothing_changes(seed):
-    odom, anchors, _ = drive(seed)
-    assert_same_poses(carry_corrections(odom, anchors, odom[anchors]), odom)
+    odom, nodes, _ = drive(seed)
+    assert_same_poses(carry_corrections(odom, nodes, odom[nodes]), odom)
 
 
 @given(seeds, frames)
 def test_one_correction_for_all_moves_all(seed, g):
-    odom, anchors, _ = drive(seed)
-    assert_same_poses(carry_corrections(odom, anchors, moved(g, odom[anchors])), moved(g, odom))
+    odom, nodes, _ = drive(seed)
+    assert_same_poses(carry_corrections(odom, nodes, moved(g, odom[nodes])), moved(g, odom))
 
 
 @given(seeds, frames, frames)
 def test_result_moves_with_the_world_and_not_with_the_odometry_frame(seed, g, h):
-    odom, anchors, rng = drive(seed)
-    corrected = np.array([compose(odom[k], pose(*rng.normal(0.0, 0.3, 3))) for k in anchors])
+    odom, nodes, rng = drive(seed)
+    corrected = np.array([compose(odom[k], pose(*rng.normal(0.0, 0.3, 3))) for k in nodes])
     assert_same_poses(
-        carry_corrections(moved(h, odom), anchors, moved(g, corrected)),
-        moved(g, carry_corrections(odom, anchors, corrected)),
+        carry_corrections(moved(h, odom), nodes, moved(g, corrected)),
+        moved(g, carry_corrections(odom, nodes, corrected)),
     )
 
 
 def test_before_the_first_and_after_the_last_anchor_odometry_alone_carries():
     odom, _, _ = drive(3)
-    anchors = np.array([8, 20])
+    nodes = np.array([8, 20])
     corrected = np.array([pose(7.0, 7.0, 3.0), pose(-5.0, 1.0, -3.0)])
-    carried = carry_corrections(odom, anchors, corrected)
+    carried = carry_corrections(odom, nodes, corrected)
     assert_same_poses(carried[:9], moved(corrected[0], [between(odom[8], each) for each in odom[:9]]))
     assert_same_poses(carried[20:], moved(corrected[1], [between(odom[20], each) for each in odom[20:]]))
 
