@@ -1,4 +1,4 @@
-"""Parts of the pipeline, made of the configuration; each takes the numbers that it needs, and no more."""
+"""Builds the parts of the pipeline from the configuration, converted to SI units."""
 
 import math
 from dataclasses import dataclass
@@ -22,7 +22,7 @@ from slam.rules import SlamRules
 from slam.trust.monitor import TrustMonitor
 
 FIRST_POSE_COV = np.diag([1e-8, 1e-8, 1e-10])
-"""The first pose defines the world frame."""
+"""Covariance of the first pose, almost zero, as this pose defines the world frame [m^2, m^2, rad^2]."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -43,7 +43,7 @@ class CwlfExtractor:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Estimators:
-    """What estimates the motion and the landmarks from the first pose on.
+    """The estimators of motion and landmarks, created at the first pose.
 
     Parameters
     ----------

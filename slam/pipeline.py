@@ -137,12 +137,12 @@ class Slam:
         return self._solution
 
     def process(self, frame: Frame) -> Step:
-        """Take one frame in.
+        """Process one frame.
 
         Raises
         ------
         DivergedError
-            The filter's covariance is no longer one.
+            The estimate is not finite, or its covariance is not positive definite.
         ValueError
             The stamp is smaller than the one before, or stamp or pose is not finite; nothing has changed.
         """
@@ -223,7 +223,7 @@ class Slam:
     def _key_frame_due(self, view: View) -> bool:
         since = self._estimators.since_key_frame
         if view.scan is None and self._key_frames:
-            # An observation is small: the graph takes each that the filter takes, once the robot has moved at all.
+            # Without scans key frames are cheap: each update of the filter makes one, once the robot has moved at all.
             return self._update_due() and since.travel + since.turn > 0.0
         back_end = self.config.back_end
         return not self._key_frames or since.moved_beyond(
@@ -291,9 +291,9 @@ class Slam:
         return assemble_result(self._records, self._key_frames, solution.estimate, landmarks, metrics, self.config)
 
     def _solve(self) -> Solution:
-        """Solve the graph as it grew; where no observation has a signature or an identity, one by all that was seen.
+        """Solve the graph; if no observation has a signature or an identity, rebuild it by reassociation first.
 
-        A landmark that looks like any other is identified by later observations, for which the filter could not wait.
+        Without signatures only later observations may decide an association, and the filter did not have these.
         """
         graph, table, max_iterations = self._graph, self.landmark_table, self.config.back_end.max_iterations
         if len(self._unidentified) == len(self._key_frames):

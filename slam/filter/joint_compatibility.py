@@ -1,5 +1,5 @@
 # pyright: standard
-"""Joint compatibility branch and bound (Neira and Tardos 2001): the largest set of pairings that hold together."""
+"""Joint compatibility branch and bound (Neira and Tardos 2001): the largest jointly compatible set of pairings."""
 
 import numpy as np
 from numba import f8, i8

@@ -42,7 +42,7 @@ class Problem:
         revoked: list[Closure] = []
         fit = _fit(self.graph, closures, self.guess, max_iterations, rules.coarse)
         while suspects := _suspects(fit, closures, rules.suspicious**2, rules.most_suspects):
-            # What several suspects feign together, the worst of them may not tell alone.
+            # Wrong closures may support each other: leaving out the worst one alone may hardly lower the cost.
             leaving = _contradicted(fit, closures, suspects, fit.tree(rules.relinearize), gate)
             left = [closure for k, closure in enumerate(closures) if k not in leaving]
             without = _fit(self.graph, left, fit.values, max_iterations, rules.coarse)
@@ -120,7 +120,7 @@ def _fit(
     params = gtsam.LevenbergMarquardtParams()
     params.setMaxIterations(max_iterations)
     params.setRelativeErrorTol(end)
-    # QR: a long way without a loop leaves information that differs by more than Cholesky's squared numbers hold.
+    # QR, as a long chain without loops is ill-conditioned, and Cholesky would square the condition number.
     params.setLinearSolverType("MULTIFRONTAL_QR")
     graph = _with_closures(graph, closures)
     optimizer = gtsam.LevenbergMarquardtOptimizer(graph, guess, params)
@@ -137,7 +137,7 @@ def _suspects(fit: _Fit, closures: list[Closure], least: float, most: int) -> li
 
 
 def _contradicted(fit: _Fit, closures: list[Closure], suspects: list[int], tree: gtsam.ISAM2, gate: float) -> list[int]:
-    """Suspects that the rest contradicts by a linear reckoning, the worst first; the worst of all where none is."""
+    """Suspects that the rest contradicts in the linearised graph, worst first; the worst suspect if there is none."""
     first = fit.graph.size() - len(closures)
     linear = [fit.graph.at(first + k).linearize(fit.values) for k in suspects]
     ends = [(X(closures[k].older), X(closures[k].newer)) for k in suspects]

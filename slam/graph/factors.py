@@ -21,7 +21,7 @@ def odometry_factor(key: int, motion: Pose, cov: Array) -> gtsam.BetweenFactorPo
 
 
 def closure_factor(closure: Closure) -> gtsam.BetweenFactorPose2:
-    """Closure with its full weight: a kernel would let a long way of small errors outvote it."""
+    """Loop closure without robust kernel, which would give a right closure after a long drift too little weight."""
     motion = closure.motion
     return gtsam.BetweenFactorPose2(
         X(closure.older), X(closure.newer), gtsam.Pose2(*motion), _noise(motion, closure.cov)

@@ -66,7 +66,7 @@ class LandmarkGraph:
 
         Parameters
         ----------
-        pose_world_robot : pose of the first one; where the others lie is told by their motion.
+        pose_world_robot : pose of the first key frame; ignored for later ones, which start from their motions.
         motion, motion_cov : pose in the frame of the key frame before, shape (3,), and the covariance of its
             coordinates, shape (3, 3); not used for the first one.
         observations : corners seen from it.
@@ -87,7 +87,7 @@ class LandmarkGraph:
             self._observe(key, self.resolve(landmark), position, cov)
 
     def _observe(self, key: int, landmark: int, position: Array, cov: Array) -> None:
-        """Hand an observation to the incremental solve, the first of a landmark together with the second."""
+        """Add an observation to the factors for iSAM2; the first one of a landmark is withheld until the second."""
         if landmark not in self._placed:
             if landmark not in self._seen_once:
                 self._seen_once[landmark] = key, position, cov
@@ -105,7 +105,7 @@ class LandmarkGraph:
         self._closed = True
 
     def merge(self, kept: int, other: int) -> None:
-        """Take two landmarks for one: what is known of the other counts for the one that is kept."""
+        """Merge two landmarks: all observations of ``other`` become observations of ``kept``."""
         self._merged_into[other] = kept
 
     def resolve(self, landmark: int) -> int:
@@ -184,9 +184,9 @@ class LandmarkGraph:
 
         Parameters
         ----------
-        estimate : of :meth:`optimize`, with nothing told since.
+        estimate : of :meth:`optimize`, with no key frame or merge added since.
         pairs : landmarks of it, shape (k, 2).
-        variances : in x and y, by which each pair may be apart beyond the error of the solution, shape (k,) [m^2].
+        variances : added in x and y to the covariance of each difference, shape (k,) [m^2].
 
         Raises
         ------
@@ -231,7 +231,7 @@ class LandmarkGraph:
         return landmarks[counts >= 2]
 
     def _problem(self) -> Problem:
-        """Return all that was told but closures, to be solved from the estimate so far."""
+        """Return the graph of all factors but the closures, with the current estimate as initial values."""
         landmarks = self._determined()
         held = set(landmarks.tolist())
         graph = gtsam.NonlinearFactorGraph(self._odometry)

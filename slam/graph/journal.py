@@ -1,4 +1,4 @@
-"""A graph that can be kept in a file: as the journal of what it was told."""
+"""A factor graph that can be pickled: as the journal of the calls that built it."""
 
 from typing import Any
 
@@ -9,14 +9,14 @@ from slam.graph.values import Closure, Observations
 
 
 class JournaledGraph(LandmarkGraph):
-    """Graph that is pickled as what it was told, and told it again when it is read back.
+    """Factor graph that is pickled as a journal of its method calls, which are replayed when it is unpickled.
 
-    The state of iSAM2 cannot be written exactly; told the same in the same order it becomes the same.
+    The state of iSAM2 cannot be serialised exactly, but the same calls in the same order reproduce it.
 
     Parameters
     ----------
     cauchy_scale, rules : of :class:`LandmarkGraph`.
-    journal : names and arguments of calls that are made at once.
+    journal : names and arguments of the calls that the constructor replays.
     """
 
     def __init__(

@@ -1,4 +1,4 @@
-"""Which landmarks a whole run has seen: many hypotheses side by side, each a filter of its own (Reid 1979)."""
+"""Multi-hypothesis data association of a whole run, one EKF per hypothesis (Reid 1979)."""
 
 import math
 from collections.abc import Sequence
@@ -26,7 +26,7 @@ class Sighting:
     Parameters
     ----------
     motion, motion_cov : pose in the frame of the key frame before, shape (3,), and the covariance of its coordinates,
-        shape (3, 3); of the first one nothing that is used.
+        shape (3, 3); ignored for the first one.
     points_robot : points without signature, robot frame.
     """
 
@@ -43,7 +43,7 @@ def most_likely(
 ) -> list[Indices]:
     """Landmark of each observation by the most likely of the hypotheses.
 
-    Whether an observation is a landmark near by or one beside it often shows only by what is seen later. Each
+    Often only later observations decide which of two neighbouring landmarks was observed. Each
     observation is therefore taken for each landmark that it may be, and for a new one; of these hypotheses the likely
     ones go on (eq. M60). Two observations of one moment are two landmarks.
 

@@ -1,4 +1,4 @@
-"""The graph of a whole run once more, by the associations that all of it makes the most likely."""
+"""Rebuilds the factor graph of a run with the associations that are most likely given all observations."""
 
 import logging
 from collections.abc import Sequence
@@ -39,7 +39,7 @@ def reassociate(
 
     Returns
     -------
-    graph, table : of the same landmarks; where they are, only the graph knows.
+    graph, table : of the same landmarks; the table has no positions, the graph has.
     """
     observations = sum(len(sighting.points_robot) for sighting in sightings)
     logger.info("weighing which landmarks the %d observations are of, by all that was seen", observations)
@@ -76,7 +76,7 @@ def _one(graph: BackEnd, estimate: GraphEstimate, apart: NDArray[np.bool_], vari
     """Pairs of landmarks that are one, the older first, the surest; each landmark once, shape (k, 2) (eq. M61).
 
     To the covariance of their difference that of a single observation is added: the noise of one landmark, parted
-    between two, makes two that lie by as much apart.
+    between these are about one measurement error apart.
     """
     first, second = np.nonzero(np.triu(~apart[np.ix_(estimate.landmarks, estimate.landmarks)]))
     difference = estimate.positions_world[first] - estimate.positions_world[second]

@@ -1,4 +1,4 @@
-"""Loop closing: key frames that show a place again, near by or by its constellation of corners, verified by walls."""
+"""Loop closing: proposals by estimated distance or by constellations of corners, verified by registration to walls."""
 
 import math
 
@@ -20,9 +20,9 @@ from slam.odometry.scan_points import ScanPoints
 class LoopCloser:
     """Finds closures of the newest submap.
 
-    One registration may be deceived. Near by, where it would move the newest key frame, the next look has to find the
-    same. A constellation needs several key frames of its submap that fit alike. Nothing is believed that dead
-    reckoning denies: buildings repeat themselves.
+    A single registration may be wrong, as buildings repeat themselves. A closure near the estimated pose therefore has
+    to be confirmed by the next search, one proposed by a constellation needs several supporting key frames, and both
+    have to agree with dead reckoning.
 
     Parameters
     ----------
@@ -80,7 +80,7 @@ class LoopCloser:
         self._reckoning.add(motion, motion_cov)
 
     def find(self, poses_world_robot: Array) -> list[Closure]:
-        """Closures of the newest submap, given where all key frames are, shape (n, 3); none that is not certain."""
+        """Return verified closures of the newest submap, given the poses of all key frames, shape (n, 3)."""
         newest = len(self._scans) - 1
         if self._path_lengths[newest] - self._last_search < self._rules.spacing:
             return []
@@ -117,7 +117,7 @@ class LoopCloser:
         return np.flatnonzero((np.abs(lengths - lengths[key_frame]) <= reach) & (lengths < lengths[-1] - self._apart))
 
     def _follows(self, hypothesis: tuple[int, Pose], correction: Pose, here: Pose) -> bool:
-        """Whether a correction puts the robot where the look before did, and that one is not long ago."""
+        """Whether a correction agrees with that of the previous search, and the path since then is short."""
         searched, earlier = hypothesis
         recent = self._path_lengths[-1] - self._path_lengths[searched] <= self._rules.memory
         return recent and self._agree(compose(earlier, here), compose(correction, here))
@@ -179,7 +179,7 @@ class LoopCloser:
     def _supporters(
         self, older: int, newest: int, start: Pose, poses_world_robot: Array
     ) -> tuple[Pose, list[Closure]] | None:
-        """Pose of the newest key frame, and closures by those of its submap that fit a place alike (eq. M54)."""
+        """Pose of the newest key frame and closures by its supporting key frames; None if too few (eq. M54)."""
         rules = self._rules
         submap = self._unbroken(older, self._about(older, rules.constellation))
         walls = walls_world(self._scans, submap, poses_world_robot)
@@ -209,7 +209,7 @@ class LoopCloser:
         ]
 
     def _remember_places(self, poses_world_robot: Array) -> None:
-        """Index the passages that are far enough behind to be seen again."""
+        """Add to the index the submaps that lie far enough behind along the path to be revisited."""
         rules = self._rules
         lengths = np.array(self._path_lengths)
         while self._indexed + rules.constellation < lengths[-1] - self._apart:
@@ -222,7 +222,7 @@ class LoopCloser:
             self._indexed += rules.constellation / rules.overlap
 
     def _unbroken(self, home: int, key_frames: NDArray[np.int64]) -> NDArray[np.int64]:
-        """Key frames whose place relative to one of them is known well."""
+        """Key frames that no increment of large covariance separates from ``home``."""
         return key_frames[np.array(self._breaks)[key_frames] == self._breaks[home]]
 
     def _constellation(self, home: int, key_frames: NDArray[np.int64], poses_world_robot: Array) -> Constellation:

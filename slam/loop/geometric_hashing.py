@@ -1,4 +1,4 @@
-"""Places by their constellations of corners, found again by pairs of corners wherever the robot believes to be."""
+"""Geometric hashing: places are recognised by pairs of corners, independent of the estimated pose of the robot."""
 
 import math
 from collections.abc import Callable, Sequence
@@ -107,7 +107,7 @@ class GeometricHash:
         return self._place_of[theirs], np.column_stack([known[:, :2] - rotate_each(seen[:, :2], turns), turns])
 
     def _votes(self, places: NDArray[np.int64], poses: Array, corners: Array) -> NDArray[np.int64]:
-        """How many hypotheses of the same place put the middle of the corners where each does, itself included."""
+        """Count the hypotheses of the same place whose pose agrees with each one, itself included, shape (h,)."""
         if not len(places):
             return np.zeros(0, np.int64)
         middles = poses[:, :2] + rotate_each(np.tile(corners.mean(axis=0), (len(poses), 1)), poses[:, 2])
@@ -140,7 +140,7 @@ def _pairs(corners: Constellation, first: NDArray[np.int64], second: NDArray[np.
         bisectors = signatures.orientations - directions
         fields += [radius * np.cos(bisectors), radius * np.sin(bisectors)]
         fields += [signatures.opening_angles / rules.same_angle, FAR_APART * signatures.kinds]
-    # A point has no angles: it is the middle of that circle, and only its kind tells it from a corner.
+    # A point has no angles: it is the middle of that circle, and only its kind distinguishes it from a corner.
     return np.nan_to_num(np.column_stack(fields), nan=0.0)
 
 

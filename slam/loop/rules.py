@@ -44,7 +44,7 @@ class PlaceRules:
 
 @dataclass(frozen=True, slots=True)
 class LoopRules:
-    """What counts as the same place.
+    """Thresholds for proposing and verifying loop closures.
 
     Parameters
     ----------
@@ -57,7 +57,7 @@ class LoopRules:
     agree_position, agree_heading : how far two corrections in a row may differ [m, rad].
     constellation : path length whose corners make a constellation [m].
     overlap : constellations that a stretch of the path belongs to.
-    supporters : key frames of a constellation, at least, that have to fit the walls of the other alike.
+    supporters : least number of supporting key frames for a place proposed by its constellation.
     supporter_spacing : path length between those that are tried [m].
     unknown_position, unknown_heading : sigma of where a hypothesis puts the robot [m, rad].
     possible : probability that dead reckoning lies as near to a hypothesis that is right as it has to.

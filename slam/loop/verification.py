@@ -1,4 +1,4 @@
-"""Whether a scan shows the walls of a place seen before, and what that says of where the two were taken."""
+"""Verification of a loop closure by registration to the walls of a submap, and the closure with its covariance."""
 
 import math
 from collections.abc import Sequence

@@ -42,7 +42,7 @@ class LineOdometry:
     Parameters
     ----------
     pose_map_robot : first pose, shape (3,); it defines the map frame.
-    motion : what is expected before a scan is looked at.
+    motion : model that predicts the motion before a scan is registered.
     sensor : noise, limits and mounting.
     line_distance : how far a point may lie from the line of its scan [m].
     key_frames : how many key frames the line map keeps.
@@ -96,11 +96,11 @@ class LineOdometry:
 
     @property
     def calibration(self) -> Calibration | None:
-        """What the wheels were found to tell wrongly; None without wheels."""
+        """Estimated systematic errors of the wheels; None without wheels."""
         return self._motion.calibration if isinstance(self._motion, WheelMotion) else None
 
     def clone(self) -> PoseClone:
-        """Remember this moment, to tell the motion since."""
+        """Clone the current pose, to get the motion since then with its covariance."""
         return self._drifting.clone()
 
     def predict(self, stamp: float, pose_odom_robot: Pose) -> None:
@@ -135,9 +135,9 @@ class LineOdometry:
 
     @property
     def _stationary(self) -> bool:
-        """Whether the motion since the last correction is known better than a scan could tell.
+        """Whether the motion since the last correction is known better than a scan could determine it.
 
-        From the same place the errors of the walls are the same: to average over them would be to believe them.
+        Scans from one place share the errors of the walls: averaging over them would make the covariance too small.
         """
         return bool((self._since_correction.motion_cov.diagonal() < self._still_variances).all())
 
@@ -148,7 +148,7 @@ class LineOdometry:
         self._map.add(self._scan.walls_robot, self._drifting.pose)
 
     def _match(self, scan: ScanPoints) -> Registration | None:
-        """Register a scan; where it does not fit what is predicted, as if nothing were known of the motion."""
+        """Register a scan with the prediction as prior; if it does not fit, with a wide prior."""
         drifting, rules = self._drifting, self._rules
         fit = register(scan, self._map.walls, drifting.pose, drifting.cov, drifting.pose, rules.registration)
         beside = self._beside(scan, fit)
@@ -178,7 +178,7 @@ class LineOdometry:
         return fit
 
     def _beside(self, scan: ScanPoints, fit: Registration) -> Registration | None:
-        """Fit that the prediction allows for: the one there is, or one to the walls next to it; None for neither."""
+        """Registration inside the gate of the prediction: ``fit``, else one with a narrow gate; None if neither is."""
         drifting = self._drifting
         if _distance2(fit, drifting.pose) <= self._prediction_gate:
             return fit
@@ -186,10 +186,10 @@ class LineOdometry:
         return near if _distance2(near, drifting.pose) <= self._prediction_gate else None
 
     def _fits_better(self, scan: ScanPoints, other: Registration, beside: Registration | None) -> bool:
-        """Whether a scan shows that the robot is elsewhere than predicted.
+        """Whether the registration away from the prediction is better than the one near it.
 
-        Much of it may lie on walls where places look alike, and little where the robot sees new ones. Walls that beams
-        would have gone through tell the two apart.
+        The share alone misleads: it is high at a similar place, and low where walls are new. The better pose must also
+        have fewer beams that pass through known walls.
         """
         share, here = (0.0, self._drifting.pose) if beside is None else (beside.share, beside.pose_map_robot)
         if other.share < max(self._rules.least_share, share + self._rules.margin):
@@ -199,7 +199,7 @@ class LineOdometry:
         return through < beams_through_walls(scan, walls, here, beams)
 
     def _match_anywhere(self, scan: ScanPoints) -> tuple[Registration, Pose]:
-        """Best of the fits from here and from where the last scan was, and which of the two it is."""
+        """Best registration with a wide prior at the current pose or that of the last scan, and the prior pose."""
         rules = self._rules
         cov = self._drifting.cov + self._unknown_cov
         origins = [self._drifting.pose]

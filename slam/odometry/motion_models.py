@@ -1,4 +1,4 @@
-"""What is expected of a motion before a scan is looked at, and how far it can be trusted."""
+"""Motion models: the motion predicted before a scan is registered, and its covariance."""
 
 import math
 from dataclasses import dataclass
@@ -38,12 +38,12 @@ class OdometryModel:
 
 
 class WheelMotion:
-    """Motion as the wheels report it, without what scans have shown to be wrong in it.
+    """Motion by the wheels, corrected by the calibration of their systematic errors.
 
     Parameters
     ----------
     model : of their errors.
-    rules : how what they always tell wrongly is learned.
+    rules : how their systematic errors are learned.
     """
 
     def __init__(
@@ -64,7 +64,7 @@ class WheelMotion:
         return self._calibration.correct(motion, cov), cov
 
     def learn(self, stamp: float, since: PoseClone) -> bool:
-        """Learn what the wheels always tell wrongly; False where the motion was too short."""
+        """Update the wheel calibration; False where the motion was too short."""
         return self._calibration.learn(since)
 
     @property
@@ -74,7 +74,7 @@ class WheelMotion:
 
 
 class ConstantVelocity:
-    """Motion without any odometry: the velocity goes on, changes at random and dies away (eq. M34).
+    """Motion without odometry: the velocity is an Ornstein-Uhlenbeck process (eq. M34).
 
     Parameters
     ----------
@@ -95,7 +95,7 @@ class ConstantVelocity:
         sigma = np.array([speed, speed, turn_rate])
         change = np.array([speed_change, speed_change, turn_rate_change])
         self._variance = sigma**2
-        # Of the velocity's memory; what changes by q within a second then varies by q T / 2 in the long run.
+        # Correlation time T of the velocity: with noise of spectral density q its stationary variance is q T / 2.
         self._memory = 2.0 * (sigma / change) ** 2
         self._count = 0
         self._interval = 0.0

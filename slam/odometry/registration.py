@@ -11,13 +11,13 @@ from slam.odometry.scan_points import ScanPoints
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Registration:
-    """Where a scan fits, and what it says of the pose.
+    """Result of a registration, with the information of the scan alone in canonical form.
 
     Parameters
     ----------
     pose_map_robot : where prior and scan together put the robot, shape (3,) [m, m, rad].
     information : of the pose, from the scan alone, shape (3, 3).
-    pull : what the information tells of the difference between the scan's pose and the prior's, shape (3,).
+    pull : information times the difference between the scan's pose and the prior (information vector), shape (3,).
     share : of the points of the scan those that lie on a wall, 0 to 1.
     """
 

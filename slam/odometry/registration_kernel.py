@@ -1,5 +1,5 @@
 # pyright: standard
-"""The compiled part of a registration: walls laid on beams, and information and gradient of the pose."""
+"""The compiled part of a registration: association of beams with walls, information and gradient of the pose."""
 
 import math
 
@@ -19,7 +19,7 @@ WEIGHT, JACOBIAN_X, JACOBIAN_Y, JACOBIAN_TURN, RESIDUAL, CERTAINTY = range(6)
 
 @inner()
 def _remove_spurious_information(information, pull, crookedness2):
-    """Take off what walls of slightly different directions feign to know of the position along them (eq. M30)."""
+    """Remove the spurious information on the position along nearly parallel walls of erroneous directions (eq. M30)."""
     if information[2, 2] <= 0.0:
         return
     # With the heading that is best for each position; what is left is of the position alone.
@@ -51,7 +51,7 @@ def _associate_walls(
     points, directions, lines, normals, origin_x, origin_y, walls, pose, gate, reach, nearest, var_scatter,
     kernel2, cos_turn, cos_surface_turn, turned, beams, knowledge,
 ):  # fmt: skip
-    """Sum up, for each beam, the walls behind it, and for each line of the scan what the walls know of it (eq. M28)."""
+    """Sum the weighted walls of each beam, and the information of the walls on each line of the scan (eq. M28)."""
     beams[:] = 0.0
     knowledge[:] = 0.0
     n = directions.size
@@ -115,7 +115,7 @@ def _accumulate(
     points, ranges, lines, origin_x, origin_y, beams, knowledge, heading, var_range, var_bearing, var_rough, spread,
     kernel2, inlier2, sums, information, gradient,
 ):  # fmt: skip
-    """Fill information and gradient at the pose where the walls were laid; return the number of inliers (eq. M29)."""
+    """Fill information and gradient at the pose of the wall association; return the number of inliers (eq. M29)."""
     information[:] = 0.0
     gradient[:] = 0.0
     sums[:] = 0.0
@@ -231,7 +231,7 @@ def register_kernel(
     inliers = 0
     for _ in range(max_iterations):
         last = gate <= final_gate
-        # A wide gate takes in what a good start would not: the wider it is, the less a residual says.
+        # A wide gate admits wrong pairs: its variance is added to that of each residual.
         spread = 0.0 if last else gate * gate / gate_sigmas2
         _associate_walls(
             points, directions, lines, normals, origin_x, origin_y, walls, pose, gate, reach, nearest,

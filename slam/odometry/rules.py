@@ -18,9 +18,9 @@ class SurfaceRules:
 
     Parameters
     ----------
-    beside : how far on either side points tell the direction of the surface [m].
+    beside : how far on either side points determine the direction of the surface [m].
     same_surface : neighbours farther apart than this do not lie on one surface [m].
-    least_length : a surface shorter than this has no direction that could be told [m].
+    least_length : a surface shorter than this has no known direction [m].
     """
 
     beside: float = 0.1

@@ -28,7 +28,7 @@ class ScanPoints:
     bearings : directions from the sensor in the axes of the robot, rising, shape (n,), in [-pi, pi) [rad].
     lines : index of the line of the scan that each point belongs to, -1 for none, shape (n,).
     normals : of the surface at each point, robot frame, towards the sensor, shape (n, 2): that of its line, else by the
-        points beside it; NaN where these tell nothing.
+        points beside it; NaN where these determine none.
     walls_robot : lines of the scan as walls, robot frame, shape (L, WALL_FIELDS).
     sensor : noise of a beam and mounting.
     """

@@ -1,4 +1,4 @@
-"""What wheels always tell wrongly, learned from the motion that scans show."""
+"""Calibration of the systematic errors of the wheels by the motion between registered scans."""
 
 from dataclasses import dataclass
 
@@ -52,7 +52,7 @@ class WheelCalibration:
         return np.asarray(np.linalg.inv(self._information), np.float64)
 
     def correct(self, motion: Pose, cov: Array) -> Pose:
-        """Motion without what is known to be wrong in it, of a reported motion with its covariance."""
+        """Correct a reported motion, given its covariance, for the systematic errors estimated so far."""
         left_out: Pose = _jacobian(motion) @ self._state
         self._wheels.move(motion + left_out, cov)
         return motion + left_out

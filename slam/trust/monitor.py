@@ -1,4 +1,4 @@
-"""What makes a run untrustworthy, noticed while it goes on and said at once."""
+"""Detects reasons not to trust a run while it goes on, and logs each one at once."""
 
 import logging
 import math
@@ -98,7 +98,7 @@ class TrustMonitor:
             self._add_reason(
                 "blind", stamp,
                 f"no scan showed a wall over {self._travel:.1f} m and a turn of {math.degrees(self._turn):.0f} deg: "
-                "there the odometry alone told the motion; look at the sensor and its limits of range",
+                "there the motion is known by odometry alone; look at the sensor and its limits of range",
             )  # fmt: skip
         if seen:
             self._travel = self._turn = 0.0
@@ -125,7 +125,7 @@ class TrustMonitor:
         self._points, self._pose_map, self._pose_odom = points, pose_map, pose_odom
 
     def _compare(self, stamp: float, points: Array, motion: Pose) -> None:
-        """Say so where a scan shows nothing of what the scan before showed from nearly the same place."""
+        """Add a reason if a scan hardly overlaps the scan before although the motion was small."""
         rules = self._rules
         small = math.hypot(motion[0], motion[1]) < rules.small_motion and abs(float(motion[2])) < rules.small_turn
         if min(len(points), len(self._points)) < rules.fewest_points or not small:
@@ -139,7 +139,7 @@ class TrustMonitor:
             )  # fmt: skip
 
     def _judge_wheels(self, stamp: float, motion: Pose, by_wheels: Pose, *, rejected: bool) -> None:
-        """Say so where the scans often prove the wheels wrong, and by which angle if it is always the same."""
+        """Add a reason if scans reject too many predictions by the wheels; name a constant heading offset."""
         rules = self._rules
         moved = max(math.hypot(motion[0], motion[1]), math.hypot(by_wheels[0], by_wheels[1])) > rules.moving
         if not (moved or max(abs(motion[2]), abs(by_wheels[2])) > rules.turning):

@@ -1,4 +1,4 @@
-"""Whether the innovations of the filter are as large as it promises: windowed NIS against its chi-square bounds."""
+"""Consistency test of the filter: NIS of a sliding window of updates against its chi-square bounds."""
 
 import functools
 from collections import deque
@@ -9,13 +9,13 @@ from scipy.stats import chi2
 
 @dataclass(frozen=True, slots=True)
 class NisSummary:
-    """NIS of a run; 1 per degree of freedom is a filter that promises what it keeps.
+    """NIS of a run; a consistent filter has 1 per degree of freedom.
 
     Parameters
     ----------
-    per_dof : normalised innovations squared of all updates per degree of freedom, by what the gate lets through.
+    per_dof : NIS of all updates per degree of freedom, relative to its expectation behind the gate.
     windows : judged, each of as many updates, one later than the other.
-    above, below : share of the windows above and below their bounds: too little and too much error promised.
+    above, below : share of the windows above and below their bounds: overconfident and conservative filter.
     level : two-sided level of the bounds.
     """
 
@@ -38,8 +38,8 @@ class NisMonitor:
 
     The gate of the association takes off the tail of each pair's distribution, so that the expected NIS is smaller than
     its degrees of freedom (eq. M59).
-    Updates of which one sees what the other saw err together, which the bounds do not know: a filter is taken to
-    promise too much where windows have been above for the length of one, the first and the last sharing no update.
+    Successive updates are correlated, which the bounds neglect. A filter therefore counts as overconfident only after
+    more than :data:`WINDOW` windows in a row were above their bounds; the first and last of these share no update.
 
     Parameters
     ----------
@@ -58,7 +58,7 @@ class NisMonitor:
         self._above_in_a_row = 0
 
     def add(self, nis: float, pairs: int) -> bool:
-        """Take in an update of so many pairs; whether the windows stay above their bounds."""
+        """Add the NIS of an update of so many pairs; return whether the filter counts as overconfident."""
         if not pairs:
             return False
         self._latest.append((nis, 2 * pairs))
