@@ -1,16 +1,31 @@
-# The two commands that matter: make demo, make test. The environment is made once in $(VENV) and again when it changes.
+# The commands that matter: make demo, make test, and make quick while one works. The environment is made once in
+# $(VENV) and again when it changes.
 PYTHON ?= python3
 VENV ?= .venv
 BIN := $(VENV)/bin
 READY := $(VENV)/.ready
+PYTEST := $(BIN)/python -m pytest --numprocesses auto --dist worksteal
 
-.PHONY: demo test lint bench docs results clean
+.PHONY: demo test quick slowest lint kernels bench docs results clean
 
 demo: $(READY)
 	$(BIN)/cwlf-slam demo --out runs/demo --overwrite
 
-test: lint
-	$(BIN)/python -m pytest --numprocesses auto --dist worksteal
+test: $(READY)
+	$(MAKE) --jobs=2 --output-sync=target lint kernels
+	$(PYTEST)
+
+quick: $(READY)
+	$(BIN)/ruff format --check .
+	$(BIN)/ruff check .
+	$(PYTEST) -m "not slow" --durations=10 --durations-min=1
+
+slowest: $(READY)
+	$(PYTEST) --durations=60
+
+# Compiled once, beside the types; otherwise each process of pytest would compile all of them.
+kernels: $(READY)
+	$(BIN)/python -c 'import sim, slam.pipeline, slam.study.paper.timing_kernels'
 
 lint: $(READY)
 	$(BIN)/ruff format --check .

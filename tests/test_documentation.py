@@ -43,6 +43,7 @@ def log(tmp_path: Path) -> Path:
     return path
 
 
+@pytest.mark.slow
 def test_the_library_snippet_of_the_readme_runs(log: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(log.parent)
     names: dict[str, object] = {}
@@ -91,6 +92,7 @@ def test_every_example_runs(log: Path, monkeypatch: pytest.MonkeyPatch, capsys: 
         assert capsys.readouterr().out
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("name", "corners", "columns"), EXTENSIONS)
 def test_an_extension_maps_a_world_without_a_change_in_the_packages(name: str, corners: int, columns: int) -> None:
     names = runpy.run_path(str(ROOT / "examples" / name), run_name="__main__")

@@ -53,6 +53,7 @@ def test_any_numbers_are_refused_or_extracted(fit, data, n):
     assert_numbers(features.lines, features.corners)
 
 
+@pytest.mark.slow
 @with_each_fit
 @law
 @given(data=st.data(), n=st.integers(0, 12))

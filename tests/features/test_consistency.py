@@ -78,6 +78,7 @@ def test_corners_err_as_much_as_they_say(world, sigma_range):
     assert (nees > GATE_99).mean() <= most_outside(0.015, len(nees))
 
 
+@pytest.mark.slow
 def test_corners_of_50_mm_noise_err_a_little_more_than_they_say():
     """More than twice the sigma of the presets: the threshold is 25 cm then, and what stays below it is one wall."""
     nees = np.concatenate([outcome(world, 0.05).nees for world in WORLDS])
@@ -111,6 +112,7 @@ def test_a_corner_is_not_lost_to_a_stub():
     assert np.hypot(*(corners.positions - missed).T).min() < FAR
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("fit", ["cwlf", "arras-siegwart", "total-least-squares"])
 def test_the_other_fits_are_consistent_at_20_mm_and_no_more_accurate(fit):
     """Over all worlds; the root of the default's mean square error is at most 2 % above that of another method."""

@@ -181,6 +181,7 @@ def test_a_mirrored_world_gives_mirrored_corners(seed, beams):
     assert_same_corners(mirrored.corners, moved(plain.corners, np.diag([1.0, -1.0])))
 
 
+@pytest.mark.slow
 def test_a_mirrored_world_is_segmented_alike():
     """Wrongly split walls are merged counter-clockwise; measured: one scan of a hundred depends on the direction."""
     assert sum(mirrored_features(room_scan(seed))[2] for seed in range(200)) >= 194

@@ -133,6 +133,7 @@ def test_scans_must_fall_on_odometry_records():
         short_run(rate=4.0)
 
 
+@pytest.mark.slow
 def test_odometry_of_the_room_is_poor_for_any_seed(room_runs):
     """By itself it misses the truth by more than half a metre, after the best alignment; and seeds differ."""
     errors = [absolute_trajectory_error(run.poses_world_robot[:, :2], run.poses_odom_robot[:, :2]) for run in room_runs]
@@ -185,6 +186,7 @@ def test_headings_are_interpolated_the_short_way_round():
     assert abs(trajectory.at(np.array([0.5]))[0, 2]) == pytest.approx(np.pi)
 
 
+@pytest.mark.slow
 @given(st.lists(st.floats(-5.0, 70.0), max_size=6))
 def test_poses_at_times_are_those_between_all_poses(times):
     """Against interpolation over the whole drive, which turns several times."""

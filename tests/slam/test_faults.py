@@ -133,6 +133,7 @@ def said(result: SlamResult) -> Sequence[str]:
     return [doubt.what for doubt in result.metrics.trust.reasons]
 
 
+@pytest.mark.slow
 def test_a_run_without_fault_is_trusted(caplog: pytest.LogCaptureFixture) -> None:
     result, error = run(unharmed())
     assert error < 0.02
@@ -141,6 +142,7 @@ def test_a_run_without_fault_is_trusted(caplog: pytest.LogCaptureFixture) -> Non
     assert not caplog.records
 
 
+@pytest.mark.slow
 def test_a_robot_that_was_carried_away_is_noticed_at_once(caplog: pytest.LogCaptureFixture) -> None:
     scene = kidnapped()
     result, error = run(scene)
@@ -153,6 +155,7 @@ def test_a_robot_that_was_carried_away_is_noticed_at_once(caplog: pytest.LogCapt
     assert [record.levelno for record in caplog.records if "carried away" in record.message] == [logging.WARNING]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("scene", [wheels_stuck, wheels_lost])
 def test_wheels_that_stand_still_for_ten_seconds_do_no_harm_and_are_told(scene: Callable[[], Scene]) -> None:
     result, error = run(scene())
@@ -160,12 +163,14 @@ def test_wheels_that_stand_still_for_ten_seconds_do_no_harm_and_are_told(scene: 
     assert "odometry" in said(result)
 
 
+@pytest.mark.slow
 def test_ten_seconds_without_any_record_do_no_harm() -> None:
     result, error = run(records_missing())
     assert error < 0.05
     assert result.metrics.trust.ok
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("change", [without_returns, without_beams])
 def test_scans_of_nothing_for_ten_seconds_do_no_harm(change: Callable[[LaserScan], LaserScan]) -> None:
     """The wheels, of 5 % of a metre and 3 deg, carry over four metres; what is seen after puts it right."""
@@ -179,6 +184,7 @@ def test_scans_of_nothing_for_good_are_told() -> None:
     assert said(result) == ["blind"]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("make", [false_beams, false_walls])
 def test_a_third_of_false_returns_does_no_harm(make: Callable[[], Callable[[LaserScan], LaserScan]]) -> None:
     result, error = run(changed(make()))
@@ -186,6 +192,7 @@ def test_a_third_of_false_returns_does_no_harm(make: Callable[[], Callable[[Lase
     assert "carried away" not in said(result)
 
 
+@pytest.mark.slow
 def test_a_sensor_configured_the_wrong_way_round_is_told_with_its_angle() -> None:
     result, _ = run(unharmed(), yaw=math.pi)
     (doubt,) = result.metrics.trust.reasons

@@ -102,6 +102,7 @@ def test_with_identities_the_engine_finds_the_batch_solution(seed):
     np.testing.assert_allclose(result.landmarks.positions, expected, atol=0.01 * SIGMA_RANGE)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", [1, 2, 3])
 def test_withheld_identities_make_no_difference_where_landmarks_are_far_apart(seed):
     known, _ = mapped(drive(seed))
@@ -157,6 +158,7 @@ def test_points_know_the_mounting_the_limits_and_the_noise_of_the_sensor():
     np.testing.assert_allclose(points.covs[0], np.diag([0.08**2, 0.1**2]), atol=1e-12)
 
 
+@pytest.mark.slow
 def test_a_landmark_at_rest_comes_back_by_its_identity():
     config = SlamConfig.of_preset("sick-lms")
     far = config.model_copy(update={"front_end": config.front_end.model_copy(update={"keep_distance_m": 3.0})})

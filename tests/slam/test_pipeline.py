@@ -76,6 +76,7 @@ def often_seen_corners(source, least=20):
     return set(np.flatnonzero(counts >= least).tolist())
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", [1, 2])
 def test_a_room_is_mapped_to_centimetres(seed):
     source, result = mapped_room(seed)
@@ -89,6 +90,7 @@ def test_a_room_is_mapped_to_centimetres(seed):
     assert ate(Trajectory(source.stamps, source.poses_world_robot), result.wheel_odometry).rmse_m > 0.3
 
 
+@pytest.mark.slow
 def test_the_second_sensor_preset_maps_the_room_too():
     source = room_run(3, preset="sick-lms")
     ate_m, landmark_m, _ = accuracy(source, processed(source, config_for(source)))
@@ -103,6 +105,7 @@ MOUNTINGS = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", MOUNTINGS)
 def test_the_mounting_is_honoured(name):
     """Told where the sensor sits, a lap maps the room as well as ever; told that it sits at the origin, it does not.
@@ -153,6 +156,7 @@ def test_a_result_fits_together():
         assert (points < [10.2, 8.2]).all()
 
 
+@pytest.mark.slow
 def test_the_same_seed_gives_the_same_bytes(tmp_path):
     texts = []
     for name in ("first", "second"):
@@ -167,6 +171,7 @@ def test_the_same_seed_gives_the_same_bytes(tmp_path):
     assert texts[0] == texts[1]
 
 
+@pytest.mark.slow
 def test_result_moves_with_the_odometry_frame():
     """The world frame is the odometry frame of the first record: moved by g, everything moves by g."""
     g = pose(20.0, -7.0, 2.0)
@@ -407,6 +412,7 @@ def ring_run(seed):
     return SimulatedRun("ring", world, lidar, "rplidar-s1", Robot().drive(way, 50.0), WheelOdometry(), seed)
 
 
+@pytest.mark.slow
 def test_a_place_seen_again_is_known_again():
     """After a lap and a leg there are as many landmarks as corners, and the end is as good as the beginning."""
     source = ring_run(1)

@@ -19,6 +19,7 @@ def frame(stamp, pose, angles, ranges, times=None):
     return Frame(stamp, np.array(pose), LaserScan(np.asarray(ranges), np.asarray(angles), stamp, times))
 
 
+@pytest.mark.slow
 @settings(derandomize=True, deadline=None)
 @given(
     start=st.floats(-4.0, 4.0),

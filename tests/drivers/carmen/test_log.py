@@ -419,6 +419,7 @@ words = st.sampled_from(
 mixed = st.lists(words | st.text(max_size=4), max_size=30).map(lambda tokens: " ".join(tokens).encode())
 
 
+@pytest.mark.slow
 @given(st.one_of(mixed, st.binary(max_size=300), st.binary(max_size=50).map(lambda tail: b"\x1f\x8b\x08\0" + tail)))
 def test_anything_gives_frames_or_one_of_our_errors(content):
     with tempfile.TemporaryDirectory() as folder:

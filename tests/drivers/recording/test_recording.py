@@ -74,6 +74,7 @@ def test_a_recording_tells_whether_its_poses_are_odometry(tmp_path, odometry):
     assert Recording(path).has_odometry is odometry
 
 
+@pytest.mark.slow
 @settings(derandomize=True, deadline=None)
 @given(drawn=drives())
 def test_what_is_written_is_read(drawn, tmp_path_factory):
@@ -162,6 +163,7 @@ def test_a_cut_file_is_read_up_to_the_cut(share, drive, tmp_path, caplog):
     assert "gzip data end early" in caplog.text
 
 
+@pytest.mark.slow
 def test_a_killed_recorder_leaves_all_but_its_last_frames(tmp_path):
     """The process ends without closing anything, as by kill -9, after 170 frames; 150 of them were flushed."""
     path = tmp_path / "killed.gz"
@@ -178,6 +180,7 @@ def test_a_killed_recorder_leaves_all_but_its_last_frames(tmp_path):
     assert 150 <= len(list(Recording(path))) <= 170
 
 
+@pytest.mark.slow
 def test_memory_does_not_grow_with_the_recording(tmp_path):
     rng, angles = np.random.default_rng(5), np.linspace(0.0, 1.0, 100)
 

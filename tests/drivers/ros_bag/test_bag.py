@@ -132,6 +132,7 @@ angles = st.floats(-3.0, 3.0)
 lengths = st.floats(-2.0, 2.0)
 
 
+@pytest.mark.slow
 @given(x=lengths, y=lengths, yaw=angles, base_x=lengths, base_yaw=angles, over=st.booleans())
 def test_mounting_is_that_of_the_chain_of_frames(tmp_path_factory, x, y, yaw, base_x, base_yaw, over):
     """Points of the scanner come to the same place as by three-dimensional transforms; also hung upside down."""

@@ -73,6 +73,7 @@ def test_a_cut_anywhere_is_one_line(bag, share):
     assert "\n" not in error
 
 
+@pytest.mark.slow
 @settings(max_examples=50)
 @given(place=st.floats(0.0, 1.0, exclude_max=True), garbage=st.binary(min_size=1, max_size=200))
 def test_garbage_anywhere_is_one_line(bag, place, garbage):

@@ -48,6 +48,7 @@ MODES = {mode.answer.name: (model.name, number) for model in MODELS.values() for
 """A mode of some model for each type of packet."""
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("model", "number"), MODES.values(), ids=MODES)
 def test_no_revolution_is_lost_without_faults(device, model, number):
     scanner = device(model)
@@ -72,6 +73,7 @@ def test_no_revolution_is_lost_without_faults(device, model, number):
 FAULTS = ["flipped-bytes", "lost-bytes", "split-reads", "encoder-reset", "speed-change", "zero-sectors", "stall"]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("faults", [*((fault,) for fault in FAULTS), FAULTS], ids=[*FAULTS, "all"])
 def test_a_fault_costs_what_it_destroyed(device, faults):
     scanner = device("S1", faults)
@@ -82,6 +84,7 @@ def test_a_fault_costs_what_it_destroyed(device, faults):
         assert np.isfinite(scan.ranges).any()
 
 
+@pytest.mark.slow
 def test_of_nodes_a_fault_costs_a_few_more(device):
     """They have no checksum: where bytes are lost, those beside them may fit either way."""
     scanner = device("S1", FAULTS)

@@ -57,6 +57,7 @@ with_each_case = pytest.mark.parametrize("forms", CASES.values(), ids=CASES.keys
 with_each_regression = pytest.mark.parametrize("forms", REGRESSIONS.values(), ids=REGRESSIONS.keys())
 
 
+@pytest.mark.slow
 @with_each_case
 @law
 @given(data=st.data())
@@ -115,6 +116,7 @@ def test_covariance_is_symmetric_and_positive(forms, data):
     assert np.linalg.eigvalsh(cov)[0] > 0.0
 
 
+@pytest.mark.slow
 @with_each_case
 @law
 @given(data=st.data())
@@ -139,6 +141,7 @@ def regressed_on_the_other_axis(given_line):
     )
 
 
+@pytest.mark.slow
 @with_each_regression
 @law
 @given(data=st.data())

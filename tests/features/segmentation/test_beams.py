@@ -4,6 +4,7 @@ import math
 from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
+import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from laws import law
@@ -51,6 +52,7 @@ def test_the_turn_of_angles():
     assert turn_of(np.array([1.0])) == 1
 
 
+@pytest.mark.slow
 @law
 @given(st.integers(0, 2**32 - 1), st.floats(-100.0, 100.0))
 def test_beams_with_a_return_come_counter_clockwise_whatever_their_order(seed, shift):

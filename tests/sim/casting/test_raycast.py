@@ -57,6 +57,7 @@ def random_world(rng):
     return World("random", np.hstack([points[:-1], points[1:] if kind == 2 else steps]))
 
 
+@pytest.mark.slow
 def test_equals_brute_force_over_ten_thousand_casts():
     """Scans of 40 beams in any order and beyond one turn, 20 from each of 500 worlds."""
     rng = np.random.default_rng(0)

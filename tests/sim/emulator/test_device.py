@@ -141,6 +141,7 @@ def test_banner_and_silence_can_be_had_of_any_model() -> None:
     assert device.read(1.9) == b""
 
 
+@pytest.mark.slow
 def test_protection_stop_answers_scans_not_and_is_left_by_a_reset() -> None:
     device = make(faults=("protection-stop",))
     assert Health.unpack(ask(device, request(Command.GET_HEALTH))[7:]).status == 2
@@ -180,6 +181,7 @@ def test_stale_samples_come_before_the_first_answer() -> None:
     assert device.ledger.packets == 0, "nobody asked for them"
 
 
+@pytest.mark.slow
 def test_unplugged_it_neither_hears_nor_speaks_and_comes_back_at_rest() -> None:
     device = make(faults=("unplug",))
     device.write(express_scan(1), 0.0)

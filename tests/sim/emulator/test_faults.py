@@ -12,6 +12,7 @@ SECONDS = {"unplug": 40.0, "protection-stop": 40.0, "stall": 24.0, "encoder-rese
 SENSITIVITY, DENSE_BOOST = 3, 1
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", [*FAULTS, "all"])
 def test_the_ledger_agrees_with_the_decoder(name: str) -> None:
     """Packets, samples, restarts and dropped bytes to the last one."""
@@ -32,6 +33,7 @@ def test_the_ledger_agrees_with_the_decoder(name: str) -> None:
         assert losses[name].events > 0, "it struck"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["flipped-bytes", "lost-bytes", "encoder-reset"])
 def test_the_ledger_agrees_with_the_decoder_of_ultra_capsules(name: str) -> None:
     device = make("A3", faults=(name,))
@@ -40,6 +42,7 @@ def test_the_ledger_agrees_with_the_decoder_of_ultra_capsules(name: str) -> None
     assert heard.total == device.ledger.samples
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["flipped-bytes", "lost-bytes"])
 def test_standard_nodes_are_lost_one_by_one(name: str) -> None:
     """Nodes have no checksum: a decoder takes a damaged one, or a false one, for good; some wait for the next bytes."""
@@ -69,6 +72,7 @@ def test_zero_sectors_return_nothing_and_nothing_else_is_lost() -> None:
     assert min(np.ptp(sector), np.ptp((sector + 180.0) % 360.0)) < 61.0
 
 
+@pytest.mark.slow
 def test_speed_changes_stay_within_a_fifth() -> None:
     heard = listen(make(faults=("speed-change",)), DENSE_BOOST, 30.0)
     starts = np.array([int.from_bytes(data[2:4], "little") & 0x7FFF for data in heard.data if len(data) == 84]) / 64.0
@@ -77,6 +81,7 @@ def test_speed_changes_stay_within_a_fifth() -> None:
     assert 1.01 < speeds.max() < 1.22
 
 
+@pytest.mark.slow
 def test_a_stalled_host_gets_all_it_can_keep_at_once() -> None:
     """2 s of an S1 are 39 kB, those of an S2 are 170 kB, of which 64 KiB are kept."""
     heard = listen(make(faults=("stall",)), DENSE_BOOST, 30.0)
@@ -93,6 +98,7 @@ def test_a_stalled_host_gets_all_it_can_keep_at_once() -> None:
     assert loss.revolutions == pytest.approx(loss.bytes / 8500, abs=2 * loss.events)
 
 
+@pytest.mark.slow
 def test_an_encoder_reset_costs_a_part_of_a_turn() -> None:
     device = make(faults=("encoder-reset",))
     heard = listen(device, DENSE_BOOST, 40.0)
@@ -103,6 +109,7 @@ def test_an_encoder_reset_costs_a_part_of_a_turn() -> None:
     assert ((gaps > 0.02) & (gaps < 0.1)).sum() == loss.events
 
 
+@pytest.mark.slow
 def test_faults_of_a_kind_come_at_the_same_times_whichever_others_are_on() -> None:
     alone, mixed = make(faults=("flipped-bytes",)), make(faults=("flipped-bytes", "split-reads", "lost-bytes"))
     for device in (alone, mixed):

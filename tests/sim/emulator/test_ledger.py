@@ -1,6 +1,7 @@
 """The counts of the ledger against a recount of everything at once."""
 
 import numpy as np
+import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -19,6 +20,7 @@ def revolutions_of(packets: list[tuple[bool, int]], per_packet: int, turn: int, 
     return found
 
 
+@pytest.mark.slow
 @given(packets=PACKETS, turn=st.integers(11, 40), first=st.integers(0, 39))
 @settings(derandomize=True, deadline=None, max_examples=300)
 def test_capsules_are_counted_as_a_recount_does(packets: list[tuple[bool, int]], turn: int, first: int) -> None:

@@ -53,6 +53,7 @@ def test_without_errors_it_is_the_truth_of_any_motion():
     np.testing.assert_allclose(wrap_angle(odom[:, 2] - truth[:, 2]), 0.0, atol=1e-9)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("steps", [20, 1000])
 def test_translation_from_translation(steps):
     ends = last_poses(WheelOdometry(sigma_distance_per_metre=0.02), straight(steps))
@@ -60,6 +61,7 @@ def test_translation_from_translation(steps):
     assert (ends[:, 1:] == 0.0).all()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("steps", [20, 1000])
 def test_rotation_from_translation(steps):
     """The heading walks with sigma^2 L, which carries the end aside with sigma^2 L^3 / 3, whatever the step."""
@@ -68,6 +70,7 @@ def test_rotation_from_translation(steps):
     assert_normal(ends[:, 1], 0.0, 0.01**2 * LENGTH**3 / 3.0)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("steps", [20, 1000])
 def test_rotation_from_rotation(steps):
     ends = last_poses(WheelOdometry(sigma_turn_per_radian=0.03), on_the_spot(steps))
@@ -75,6 +78,7 @@ def test_rotation_from_rotation(steps):
     assert (ends[:, :2] == 0.0).all()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("steps", [20, 1000])
 def test_translation_from_rotation(steps):
     """Over two whole turns the walk is the same in x and y: half of sigma^2 phi each."""

@@ -19,6 +19,7 @@ def test_nothing_is_wrong_with_it(site):
     assert findings(site.walls) == []
 
 
+@pytest.mark.slow
 def test_the_robot_gets_along_the_path_and_touches_nothing(site):
     """Against the distance to points laid every centimetre on every wall, which shapely has no part in."""
     poses = drive_through(site.world(), site.waypoints, Robot(), 10.0).poses_world_robot

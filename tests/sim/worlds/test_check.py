@@ -80,6 +80,7 @@ def test_a_room_is_right_wherever_it_lies(seed, turn, shift):
     assert findings(walls) == []
 
 
+@pytest.mark.slow
 @settings(derandomize=True, deadline=None)
 @given(st.integers(0, 1000), st.data())
 def test_a_room_that_lost_a_wall_is_open_where_it_was(seed, data):

@@ -67,6 +67,7 @@ def write_log(path: Path, *lines: str) -> Path:
     return path
 
 
+@pytest.mark.slow
 def test_run_writes_a_complete_folder_and_evaluate_reads_it(
     cwlf: Call, room_log: Path, simulated: SimulatedRun, tmp_path: Path
 ) -> None:
@@ -118,6 +119,7 @@ def test_evaluate_relations_prints_the_promised_json(cwlf: Call, tmp_path: Path)
     assert "rotation_std_deg" in report
 
 
+@pytest.mark.slow
 def test_demo_evaluates_itself(cwlf: Call, tmp_path: Path) -> None:
     outcome = cwlf("demo", "--out", tmp_path / "demo", "--seed", 2)
     assert outcome.code == 0
@@ -132,6 +134,7 @@ def test_limit_counts_scans(cwlf: Call, room_log: Path, tmp_path: Path) -> None:
     assert json.loads((tmp_path / "run" / "metrics.json").read_text())["scans"] == 7
 
 
+@pytest.mark.slow
 def test_part_of_a_log_is_run_on_request(cwlf: Call, room_log: Path, tmp_path: Path) -> None:
     assert cwlf("run", room_log, "--limit", 5, "--every", 3, "--skip", 2.0, "--out", tmp_path / "run").code == 0
     stamps = np.loadtxt(tmp_path / "run" / "trajectory_online.tum")[:, 0]
@@ -210,6 +213,7 @@ def test_what_came_before_a_broken_line_is_kept(cwlf: Call, tmp_path: Path) -> N
     assert len(read_trajectory_file(out / "trajectory.tum")) == 3
 
 
+@pytest.mark.slow
 def test_a_truncated_last_line_costs_that_line_only(cwlf: Call, tmp_path: Path) -> None:
     good = [SCAN.format(x=0.1 * k, stamp=float(k)) for k in range(3)]
     log = tmp_path / "cut.log"
@@ -271,6 +275,7 @@ def interruptible() -> Iterator[None]:
     signal.signal(signal.SIGINT, before)
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("interruptible")
 def test_ctrl_c_leaves_a_complete_folder_of_what_was_done(
     cwlf: Call, room_log: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
@@ -310,6 +315,7 @@ def test_ctrl_c_while_the_folder_is_written_leaves_it_complete(
     assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="no /dev/full on this system")
 def test_output_that_cannot_be_written_is_one_line() -> None:
     with open("/dev/full", "w") as full:

@@ -30,6 +30,7 @@ def log(tmp_path: Path) -> Path:
     return path
 
 
+@pytest.mark.slow
 def test_a_study_prints_its_summary_and_fills_its_folder(cwlf: Call, client: Client, tmp_path: Path) -> None:
     folder = tmp_path / "study"
     command = ("study", "corners", "--environment", "A", "--scans", 3, "--sigma-range-mm", 10, "--out", folder)
@@ -71,6 +72,7 @@ def test_a_world_that_is_not_there_is_one_line(cwlf: Call, tmp_path: Path) -> No
     assert not (tmp_path / "study").exists()
 
 
+@pytest.mark.slow
 def test_an_interrupted_study_says_how_to_go_on(
     cwlf: Call, client: Client, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -89,6 +91,7 @@ def test_an_interrupted_study_says_how_to_go_on(
     assert "2 of 2 tasks are done" in err
 
 
+@pytest.mark.slow
 def test_a_run_that_fails_is_told_and_the_others_are_summarised(
     cwlf: Call, client: Client, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -81,6 +81,7 @@ def test_association_is_that_of_evo(seed):
 frames = st.builds(pose, st.floats(-100, 100), st.floats(-100, 100), st.floats(-math.pi, math.pi))
 
 
+@pytest.mark.slow
 @given(st.integers(0, 100), frames, frames)
 def test_errors_do_not_depend_on_the_frames(seed, pose_a_truth, pose_b_estimate):
     truth, estimate = random_pair(seed, count=60)

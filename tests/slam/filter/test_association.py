@@ -71,6 +71,7 @@ def test_matched_within_one_gate_new_beyond_the_other_ambiguous_between(distance
     assert outcome(seen, corners([[3.0, 1.0]]), gates(method)) == expected
 
 
+@pytest.mark.slow
 @either_method
 def test_the_gate_holds_its_level(method):
     """Of corners that are the landmark, 1 % lie outside the 99 % gate."""
@@ -157,6 +158,7 @@ def test_association_does_not_depend_on_the_world_frame(seed, method):
     assert outcome(seen, known, gates(method)) == outcome(seen, known, gates(method), g)
 
 
+@pytest.mark.slow
 @given(st.integers(0, 10_000), st.floats(-math.pi, math.pi))
 def test_innovation_covariances_are_those_of_the_filter(seed, heading):
     """For one corner and one landmark, the gate's covariance is the S that the filter forms when it is observed."""

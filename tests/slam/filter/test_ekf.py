@@ -183,6 +183,7 @@ def test_covariance_stays_one_and_an_update_never_grows_it(seed, heading, count)
         count += 1
 
 
+@pytest.mark.slow
 @given(seeds, headings, st.floats(-50.0, 50.0), st.floats(-50.0, 50.0), headings)
 def test_filter_does_not_depend_on_the_world_frame(seed, heading, x, y, theta):
     """The same drive, told in a world frame moved by g, gives the same estimate moved by g, and P turned by g."""
@@ -323,6 +324,7 @@ def test_with_known_headings_it_is_batch_least_squares(seed):
     np.testing.assert_allclose(ekf.P[np.ix_(state, state)], cov[np.ix_(last, last)], rtol=0, atol=1e-10)
 
 
+@pytest.mark.slow
 def test_pose_is_consistent_over_a_short_run():
     """Mean NEES of the pose within its chi-square bounds: the filter's errors are as large as it says."""
     runs, steps = 60, 25

@@ -110,6 +110,7 @@ class Problem:
         return least_squares(self.residuals, start, x_scale="jac", xtol=1e-15, ftol=1e-15, gtol=1e-15).x
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("closures", [0, 2])
 @pytest.mark.parametrize("seed", range(3))
 def test_estimate_and_marginals_are_those_of_dense_least_squares(seed, closures):
@@ -225,6 +226,7 @@ def test_solving_does_not_change_the_graph():
     np.testing.assert_array_equal(first.covs, second.covs)
 
 
+@pytest.mark.slow
 def test_a_long_chain_on_poor_odometry_has_finite_covariances():
     """Cholesky called the system of such a chain indeterminate: its squared numbers hold no such range."""
     rng = np.random.default_rng(0)
@@ -296,6 +298,7 @@ def test_the_newest_pose_at_every_key_frame_is_that_of_the_batch_solve(seed):
         assert np.abs(difference / sigmas).max() < 2e-2
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", range(3))
 def test_key_frame_by_key_frame_it_is_the_batch_solve(seed):
     """After closures all poses are those of dense least squares, and so is the marginal of the newest one."""
@@ -419,6 +422,7 @@ def round_way(seed, closing, wrong=None):
 SIGMA = 0.03
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("wrong_by", [[1.0, 0.0, 0.0], [0.0, 0.5, 0.0], [0.0, 0.0, 0.2]])
 def test_a_wrong_closure_among_right_ones_is_the_only_one_to_go(wrong_by):
     for seed in range(3):
@@ -440,6 +444,7 @@ def test_right_closures_are_not_revoked():
     assert revoked <= 1
 
 
+@pytest.mark.slow
 def test_a_closure_takes_the_drift_out_of_a_long_way():
     """Round a square of 60 m on odometry alone, off by a metre or so at the end: far beyond the closure's sigma.
 

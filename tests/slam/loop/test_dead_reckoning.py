@@ -28,6 +28,7 @@ def chain(motions):
     return here
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("older", [0, 15, 50])
 def test_distances_of_what_may_have_happened_are_chi_square(older):
     """Of 400 draws; six sigmas of the mean of so many are the tolerance, as errors are small and so all but linear."""

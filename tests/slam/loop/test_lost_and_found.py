@@ -94,10 +94,11 @@ def test_a_room_that_is_a_copy_is_not_taken_for_the_first():
     assert all(true(closure, truth) for each in found for closure in each)
 
 
+@pytest.mark.slow
 def test_a_robot_that_is_lost_among_copies_says_nothing():
-    """Lost on the way to the third of three rooms that are alike, it could be in any of them."""
+    """Lost before the third of three rooms that are alike, it could be in any; 5 m further on it does not know."""
     steps = LAP - 8
-    truth = laps(3, steps)
+    truth = laps(3, steps)[: 2 * steps + 12]
     found, closer = drive(rings(3), truth, 2, {2 * steps: (pose(1.0, 1.0, 0.3), np.diag([60.0, 60.0, 3.0]) ** 2)})
     assert closer.counts.proposed_by_corners >= 2
     assert closer.counts.rejected >= 2

@@ -41,6 +41,7 @@ def scan_of(ranges, bearings, mounting):
     )
 
 
+@pytest.mark.slow
 @given(st.integers(0, 2**32 - 1))
 def test_beams_through_walls_are_those_that_cross_one_and_end_well_behind_it(seed):
     rng = np.random.default_rng(seed)

@@ -17,6 +17,7 @@ from slam.config import SlamConfig
 from slam.odometry.deskew import deskew, deskew_by_odometry
 from slam.pipeline import Slam
 
+ROOM = room()
 SWEEP = Effects(sweep_time=0.1)
 SPEED, TURN_RATE = 0.5, 1.0
 
@@ -45,7 +46,7 @@ def test_beams_end_where_they_ended(seed, speed, turn_rate, upside_down):
     model = dataclasses.replace(sensor_preset("rplidar-s1"), mounting=mounting)
     place = pose(*rng.uniform([1.5, 1.5, -3.0], [2.5, 2.5, 3.0]))
     poses = motion(place, scanner.times, speed, turn_rate)
-    skewed = scanner.measure(room(), poses, 5.0, rng).scan
+    skewed = scanner.measure(ROOM, poses, 5.0, rng).scan
     scan = deskew(skewed, model, place, poses)
     for here, beam_pose, before, after in zip(
         itertools.repeat(place), poses, points(skewed), points(scan), strict=False
@@ -76,9 +77,9 @@ def corner_errors(measured, place, model, truth):
     """Error [m], shape (2,), of each corner that a scan shows, by its number in the room."""
     corners = extract(measured, model).corners
     positions = transform(place, corners.positions)
-    labels = label_corners(room(), truth, positions, 0.3)
+    labels = label_corners(ROOM, truth, positions, 0.3)
     return {
-        label: position - room().corners[label] for label, position in zip(labels, positions, strict=True) if label >= 0
+        label: position - ROOM.corners[label] for label, position in zip(labels, positions, strict=True) if label >= 0
     }
 
 
@@ -98,8 +99,8 @@ def test_corners_are_as_accurate_as_standing_still(speed):
     for _ in range(300):
         place = pose(*rng.uniform([1.5, 1.5, -3.0], [8.0, 2.5, 3.0]))
         poses = motion(place, sweeping.times, speed, TURN_RATE)
-        still = at_rest.measure(room(), place, 0.0, rng)
-        turning = sweeping.measure(room(), poses, 0.0, rng)
+        still = at_rest.measure(ROOM, place, 0.0, rng)
+        turning = sweeping.measure(ROOM, poses, 0.0, rng)
         scans = {
             "at rest": (still.scan, still.wall_ids),
             "corrected": (deskew(turning.scan, model, place, poses), turning.wall_ids),
@@ -165,6 +166,7 @@ def trajectory_error(deskewed):
     return max(errors)
 
 
+@pytest.mark.slow
 def test_the_pipeline_deskews_by_default():
     """At 1 m/s a scan is 0.1 m long: left as it is, it pulls the filter off by a multiple of what remains otherwise."""
     assert SlamConfig.of_preset("rplidar-s1").front_end.deskew

@@ -65,6 +65,7 @@ def mean_nees(errors, covs):
     return float(np.mean([e @ np.linalg.solve(c, e) for e, c in zip(errors, covs, strict=True)]))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("source", ["line-aided", "lines"])
 def test_increments_in_a_room_are_consistent(source):
     """NEES of all increments below the upper 99.9 % bound, and above half of 3: neither bold nor absurdly wide."""
@@ -81,6 +82,7 @@ def test_increments_in_a_room_are_consistent(source):
     assert np.hypot(*(odometry.pose - room_run(11).poses_world_robot[-1])[:2]) < 0.05
 
 
+@pytest.mark.slow
 def test_increments_along_a_bare_corridor_are_consistent_and_the_prior_s():
     errors, covs, ways = [], [], []
     for seed in range(3):
@@ -116,6 +118,7 @@ def test_a_jump_of_the_odometry_is_not_believed():
     assert odometry.counts.predictions_rejected >= 1
 
 
+@pytest.mark.slow
 def test_wheels_that_stop_reporting_are_not_believed():
     """The odometry stands still for four seconds while the robot goes on."""
     run = room_run(4)

@@ -53,6 +53,7 @@ def state(wheels):
     return np.array([calibration.travel, calibration.turn, calibration.drift])
 
 
+@pytest.mark.slow
 def test_what_wheels_tell_wrongly_is_found_within_its_covariance():
     """40 robots; the mean of the squared Mahalanobis distances is chi-square, to 4 sigma, and no more than stated.
 
@@ -113,6 +114,7 @@ def test_a_short_motion_is_not_compared():
     assert wheels.learn(since)
 
 
+@pytest.mark.slow
 def test_a_run_through_the_room_finds_the_wheels_of_the_simulator():
     """Both wheels are too large, the right one by more, and the base too narrow."""
     run = room_run(5)

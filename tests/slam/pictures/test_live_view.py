@@ -20,6 +20,7 @@ def test_ring_lies_two_sigmas_about_the_origin(sigma_a, sigma_b, angle):
     assert distances2 == pytest.approx(np.full(len(points), 4.0), rel=1e-6)
 
 
+@pytest.mark.slow
 def test_file_of_the_view_grows_with_the_run(tmp_path):
     file = tmp_path / "way" / "view.rrd"
     source = room_run(1)

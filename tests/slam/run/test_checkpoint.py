@@ -54,6 +54,7 @@ def uninterrupted(frames: list[Frame], config: SlamConfig, folder: Path) -> list
     return written(slam, folder)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("source", ["line-aided", "lines", "wheel"])
 def test_a_run_goes_on_to_the_same_bytes_wherever_it_stopped(source: str, tmp_path: Path) -> None:
     """Stopped before the first scan after it began, between two scans, and again and again; solved in between."""
@@ -86,23 +87,21 @@ def test_a_real_log_goes_on_to_the_same_bytes(tmp_path: Path) -> None:
     assert written(slam, tmp_path / "stopped") == uninterrupted(frames, config, tmp_path / "whole")
 
 
+@pytest.mark.slow
 def test_the_same_log_gives_the_same_bytes_twice(tmp_path: Path) -> None:
     frames, config = room()
     assert uninterrupted(frames, config, tmp_path / "a") == uninterrupted(frames, config, tmp_path / "b")
 
 
 KERNELS = """
-import hashlib, itertools
+import hashlib, pickle, sys
 import numpy as np
 from features import extract
-from sim import room_run
-from slam.config import SlamConfig
 from slam.parts import line_odometry
-source = room_run(1)
-config = SlamConfig.of_preset(source.sensor, source.mounting)
+frames, config = pickle.load(open(sys.argv[1], "rb"))
 odometry = line_odometry(config, np.zeros(3))
 digest = hashlib.sha256()
-for frame in itertools.islice(source, 80):
+for frame in frames:
     odometry.predict(frame.stamp, frame.pose_odom_robot)
     if frame.scan is not None:
         features = extract(frame.scan, config.sensor.model(), config.extraction)
@@ -114,12 +113,14 @@ print(digest.hexdigest())
 """
 
 
+@pytest.mark.slow
 def test_a_process_that_compiles_finds_the_bytes_of_one_that_loads(tmp_path: Path) -> None:
+    frames, config = room()
+    # What is simulated comes along, so that the kernels of the simulator need not be compiled.
+    (tmp_path / "frames").write_bytes(pickle.dumps((frames[:80], config)))
+    command = [sys.executable, "-c", KERNELS, tmp_path / "frames"]
     environment = os.environ | {"NUMBA_CACHE_DIR": str(tmp_path)}
-    prints = [
-        subprocess.run([sys.executable, "-c", KERNELS], env=environment, capture_output=True, text=True, check=True)
-        for _ in range(2)
-    ]
+    prints = [subprocess.run(command, env=environment, capture_output=True, text=True, check=True) for _ in range(2)]
     assert prints[0].stdout == prints[1].stdout
 
 
@@ -188,6 +189,7 @@ def files(folder: Path) -> list[bytes]:
     return [path.read_bytes() for path in sorted(folder.iterdir()) if path.suffix in {".tum", ".csv", ".toml"}]
 
 
+@pytest.mark.slow
 def test_the_command_goes_on_after_a_limit_to_the_same_files(
     cwlf: Callable[..., tuple[int, str]], log: Path, tmp_path: Path
 ) -> None:
@@ -222,6 +224,7 @@ main()
 """
 
 
+@pytest.mark.slow
 def test_a_run_that_was_killed_goes_on_to_the_same_files(
     cwlf: Callable[..., tuple[int, str]], log: Path, tmp_path: Path
 ) -> None:
@@ -239,6 +242,7 @@ def test_a_run_that_was_killed_goes_on_to_the_same_files(
     assert files(killed) == files(whole)
 
 
+@pytest.mark.slow
 def test_a_log_that_broke_goes_on_once_it_is_whole(
     cwlf: Callable[..., tuple[int, str]], log: Path, tmp_path: Path
 ) -> None:
@@ -305,6 +309,7 @@ def no_folder(stopped: Path, log: Path, monkeypatch: pytest.MonkeyPatch) -> list
     return [log]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("change", "cause"),
     [

@@ -39,6 +39,7 @@ def names(folder):
     return sorted(path.name for path in folder.iterdir())
 
 
+@pytest.mark.slow
 def test_what_is_read_back_is_what_the_run_yielded(result, saved):
     written = {
         "final": result.trajectory,

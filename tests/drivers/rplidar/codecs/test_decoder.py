@@ -39,6 +39,7 @@ def damaged(answer, data):
     return decoder, decoder.feed(data)
 
 
+@pytest.mark.slow
 @given(answers, seeds, st.floats(0.0, 359.0), st.floats(0.05, 3.0), st.data())
 def test_samples_are_the_same_however_the_bytes_are_cut(answer, seed, first_deg, step_deg, data):
     sent = stream(answer, PACKETS[answer], np.random.default_rng(seed), first_deg=first_deg, step_deg=step_deg)

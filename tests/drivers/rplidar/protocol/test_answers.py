@@ -92,6 +92,7 @@ def test_names_of_modes_round_trip(name):
     assert unpack_name(pack_conf(Conf.MODE_NAME, name)) == name
 
 
+@pytest.mark.slow
 @given(st.binary(max_size=8))
 def test_an_answer_to_another_request_is_refused(payload):
     if payload[:4] != b"\x70\0\0\0":

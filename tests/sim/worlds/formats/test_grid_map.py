@@ -44,6 +44,7 @@ def test_what_lies_along_the_cells_is_exact():
     assert {tuple(point) for point in np.round(hole, 9)} == {(15, 10), (18, 10), (18, 20), (15, 20)}
 
 
+@pytest.mark.slow
 @settings(derandomize=True, deadline=None, max_examples=60)
 @given(st.integers(0, 10_000), st.floats(-math.pi, math.pi), st.floats(0.0, 1.0), st.floats(0.0, 1.0))
 def test_a_room_at_any_angle_is_traced_to_about_half_a_cell(seed, turn, dx, dy):
@@ -96,6 +97,7 @@ def test_single_cells_are_kept_each_on_its_own():
     assert all(len(ring) >= 3 for ring in rings)
 
 
+@pytest.mark.slow
 @settings(derandomize=True, deadline=None)
 @given(st.integers(0, 2**32 - 1), st.floats(0.05, 0.95))
 @example(399, 0.875)

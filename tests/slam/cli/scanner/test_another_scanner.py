@@ -41,6 +41,7 @@ def test_devices_lists_it(cwlf, port):
     assert outcome == (0, f"line scanner on {port}\n/nowhere: there is no such port\n", "")
 
 
+@pytest.mark.slow
 def test_live_maps_with_it_and_keeps_its_bytes(cwlf, port, tmp_path):
     live, again = tmp_path / "live", tmp_path / "again"
     outcome = cwlf("live", "--scanner", "lines", "--port", port, "--out", live)

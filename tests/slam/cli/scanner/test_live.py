@@ -42,6 +42,7 @@ def recording(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return path
 
 
+@pytest.mark.slow
 def test_replay_of_the_bytes_is_the_run_of_the_scans(cwlf, recording, tmp_path):
     replayed = cwlf("replay", recording, "--speed", 0, "--out", tmp_path / "replay")
     run = cwlf("run", recording, "--out", tmp_path / "run")
@@ -70,6 +71,7 @@ def test_port_that_is_not_there_is_one_line_and_leaves_nothing(cwlf, tmp_path, m
     assert list(tmp_path.iterdir()) == []
 
 
+@pytest.mark.slow
 def test_recorded_scanner_runs(cwlf, port, tmp_path):
     path = tmp_path / "hall.jsonl.gz"
     outcome = cwlf("record", "--port", port, "--out", path, "--limit", 5)
@@ -80,6 +82,7 @@ def test_recorded_scanner_runs(cwlf, port, tmp_path):
     assert cwlf("record", "--port", port, "--out", path).err.endswith("choose another name or give --overwrite\n")
 
 
+@pytest.mark.slow
 def test_live_run_leaves_a_run_folder_and_a_recording_that_runs_to_the_same(cwlf, port, tmp_path):
     outcome = cwlf("live", "--port", port, "--out", tmp_path / "live", "--limit", 8)
     assert outcome.code == 0, outcome.err

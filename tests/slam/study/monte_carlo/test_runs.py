@@ -66,6 +66,7 @@ def test_a_landmark_born_of_a_feigned_corner_is_the_edge_that_is_seen_there_late
     assert score.recall() == pytest.approx(3 / 4)
 
 
+@pytest.mark.slow
 def test_a_corner_is_where_the_walls_meet_that_its_two_lines_hit_however_near_another_corner_is() -> None:
     """Niches of 0.35 m: of a corner whose position errs the nearest of all corners may be another one."""
     run = site_run(find_site("office-loop"), Lidar.of_preset("rplidar-s1"), "rplidar-s1", 1)

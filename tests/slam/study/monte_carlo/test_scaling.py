@@ -45,6 +45,7 @@ def page(client: Client, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Pat
     return path
 
 
+@pytest.mark.slow
 def test_the_page_tells_the_rounds_at_rest_beside_all(page: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     rounds = [Round(0.5, 0.9, 0.05), Round(0.5, 1.0, 0.0), Round(0.5, 0.95, 0.09), Round(0.2, 0.1, 1.0)]
     monkeypatch.setattr(scaling, "_rounds", lambda *_: rounds)

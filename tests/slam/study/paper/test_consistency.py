@@ -67,6 +67,7 @@ def test_consistent_methods_are_near_one_and_the_papers_is_not(sigma_mm: float) 
     assert half["cwlf-paper"] > 1.5
 
 
+@pytest.mark.slow
 def test_the_study_writes_what_its_tasks_yield_and_draws(tmp_path: Path, client: Client) -> None:
     settings = ConsistencySettings(trials=3, seed=5)
     lines = study_consistency(client, tmp_path, settings)

@@ -76,6 +76,7 @@ def test_tables_hold_what_was_found(studied: tuple[CornerSettings, list[Seen], d
     assert len(summary_lines(summary)) == len(KEYS) + 4
 
 
+@pytest.mark.slow
 def test_a_study_repeats_to_the_byte_and_says_how(tmp_path: Path, client: Client) -> None:
     settings = CornerSettings(environment="B", scans=60, seed=7)  # two tasks
     for name in ("one", "two"):

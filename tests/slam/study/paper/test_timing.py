@@ -38,6 +38,7 @@ def test_the_corners_are_those_of_the_paper(environment: str, angle: float) -> N
     assert measurements(scene, 1)[0].shape == (4, 50)
 
 
+@pytest.mark.slow
 def test_the_study_writes_its_tables_and_pictures(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(timing, "COUNTS", (10, 20))
     monkeypatch.setattr(timing, "TRIALS", 20)

@@ -130,6 +130,7 @@ def test_an_existing_scheduler_is_used_and_left_running(client: Client, tmp_path
         assert outcome.results == {0: 1, 1: 1, 2: 1}
 
 
+@pytest.mark.slow
 def test_workers_have_one_thread_for_linear_algebra_and_the_same_program(processes: Client) -> None:
     names = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
     found = processes.run(lambda: [os.environ[name] for name in names])
@@ -137,6 +138,7 @@ def test_workers_have_one_thread_for_linear_algebra_and_the_same_program(process
     assert set(processes.run(fingerprint).values()) == {fingerprint()}
 
 
+@pytest.mark.slow
 def test_a_worker_killed_changes_nothing(
     processes: Client, expected: dict[str, bytes], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -175,6 +177,7 @@ if __name__ == "__main__":
 """
 
 
+@pytest.mark.slow
 def test_a_killed_study_goes_on_where_it_was(
     expected: dict[str, bytes],
     client: Client,
