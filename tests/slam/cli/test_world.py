@@ -236,7 +236,7 @@ def test_what_is_missing_is_one_line(cwlf: Call, tmp_path: Path) -> None:
 def test_worlds_from_files_are_driven_through_and_mapped(
     kind: str, cwlf: Call, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """A ROS map, a DXF plan and a Gazebo house, the first minute and the path that it takes: ATE and corners at a few centimetres."""
+    """A ROS map, a DXF plan and a Gazebo house, driven through for a minute: ATE and corners at a few centimetres."""
     import runpy
 
     path = tmp_path / "path.csv"

@@ -96,7 +96,7 @@ def test_a_room_that_is_a_copy_is_not_taken_for_the_first():
 
 @pytest.mark.slow
 def test_a_robot_that_is_lost_among_copies_says_nothing():
-    """Lost on the way to the third of three rooms that are alike, it could be in any of them; 5 m on it does not know."""
+    """Lost on the way to the third of three rooms that are alike, it could be in any; nor do 5 m tell."""
     steps = LAP - 8
     truth = laps(3, steps)[: 2 * steps + 12]
     found, closer = drive(rings(3), truth, 2, {2 * steps: (pose(1.0, 1.0, 0.3), np.diag([60.0, 60.0, 3.0]) ** 2)})
