@@ -252,6 +252,7 @@ def test_what_looks_more_alike_elsewhere_is_believed_where_fewer_beams_go_throug
     assert odometry.counts.predictions_rejected == believed
 
 
+@pytest.mark.slow
 def test_a_real_log_backwards_in_time_shows_no_jump():
     """The robot backs out of passages: most of what it sees there is new, and looks like what it saw before."""
     path = DATA / "intel-lab.clf.gz"
