@@ -6,7 +6,7 @@ BIN := $(VENV)/bin
 READY := $(VENV)/.ready
 PYTEST := $(BIN)/python -m pytest --numprocesses auto --dist worksteal
 
-.PHONY: demo test quick slowest lint kernels bench docs results clean
+.PHONY: demo test quick slowest lint kernels bench mutants docs results clean
 
 demo: $(READY)
 	$(BIN)/cwlf-slam demo --out runs/demo --overwrite
@@ -35,6 +35,10 @@ lint: $(READY)
 
 bench: $(READY)
 	$(BIN)/python -m pytest benchmarks --benchmark-enable --benchmark-only --benchmark-columns=median,iqr,rounds
+
+# Half an hour; ONLY="ekf jcbb" runs parts.
+mutants: $(READY)
+	$(BIN)/python tests/mutants/run.py $(ONLY)
 
 docs: demo
 	cp runs/demo/map.png docs/demo-map.png

@@ -73,10 +73,10 @@ def reassociate(
 
 
 def _one(graph: BackEnd, estimate: GraphEstimate, apart: NDArray[np.bool_], variances: Array, gate: float) -> Indices:
-    """Pairs of landmarks that are one, the older first, the surest; each landmark once, shape (k, 2) (eq. M61).
+    """Pairs of landmarks to merge, nearest pairs first, each landmark once, the older one first, shape (k, 2), eq. M61.
 
-    To the covariance of their difference that of a single observation is added: the noise of one landmark, parted
-    between these are about one measurement error apart.
+    The covariance of a single observation is added to that of their difference: if noise has split one landmark into
+    two, these are about one measurement error apart.
     """
     first, second = np.nonzero(np.triu(~apart[np.ix_(estimate.landmarks, estimate.landmarks)]))
     difference = estimate.positions_world[first] - estimate.positions_world[second]

@@ -195,8 +195,16 @@ def test_a_bare_corridor_is_no_place():
         assert show(closer, seen(CORRIDOR, here, rng), STEP, truth[: k + 1]) is None
 
 
+<<<<<<< HEAD
 def revisit(looks, rng, share=SHARE):
     """Seven metres of the ring, far away round it, and then key frames that show it again, or not (None)."""
+=======
+def revisit(looks, rng, rules=RULES, turn=0.0):
+    """Seven metres of the ring, far away round it, and then key frames that show it again, or not (None).
+
+    From one to the next the robot goes on, and turns on the spot by so much more [rad].
+    """
+>>>>>>> h-mutants
     truth = along(ROUND, 14)
     estimate = [*truth]
     closer = closer_of(share)
@@ -204,7 +212,7 @@ def revisit(looks, rng, share=SHARE):
         assert show(closer, seen(RING, here, rng), STEP, truth[: k + 1]) is None
     found = []
     for k, (look, correction) in enumerate(looks):
-        at = truth[3 + k]
+        at = compose(truth[3 + k], pose(0.0, 0.0, k * turn))
         estimate.append(compose(pose(1.25, 1.25), compose(correction, between(pose(1.25, 1.25), at))))
         shown = seen(RING, at, rng) if look else seen(CORRIDOR, pose(), rng)
         found.append(show(closer, shown, STEP if k else 40.0, np.array(estimate)) is not None)
@@ -231,6 +239,12 @@ def test_two_looks_that_contradict_each_other_are_not_believed(other):
     """The estimate goes on by odometry: what moved it by one way a moment ago cannot be another way now."""
     rng = np.random.default_rng(4)
     assert revisit([(True, HERE), (True, other), (True, other)], rng) == [False, False, True]
+
+
+@pytest.mark.parametrize("turn", [0.5 * math.pi, math.pi, -0.5 * math.pi])
+def test_two_looks_agree_however_the_robot_turns_between_them(turn):
+    """What lays the robot on the walls moves the world, and that does not turn."""
+    assert revisit([(True, HERE), (True, HERE)], np.random.default_rng(3), turn=turn) == [False, True]
 
 
 def test_a_place_is_left_before_it_may_be_closed():

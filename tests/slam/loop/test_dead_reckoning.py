@@ -66,6 +66,14 @@ def test_a_turn_is_told_across_the_cut_of_angles():
     assert between(chain(motions), slipped) == pytest.approx(np.zeros(3), abs=1e-12)
 
 
+def test_a_slip_over_the_cut_of_angles_is_as_small_as_one_away_from_it():
+    slips = [pose(0.0, 0.0, math.radians(degrees)) for degrees in (-1.0, 1.0)]
+    motions = [pose(1.0, 0.0, math.radians(100.0)), pose(1.0, 0.0, math.radians(79.5))]
+    slipped = np.array([compose(chain(motions), slip) for slip in slips])
+    away, over = reckoned(motions).distances2(np.zeros(2, np.int64), slipped, NOTHING)
+    assert over == pytest.approx(away, rel=1e-9)
+
+
 def test_what_odometry_says_is_no_distance_away_wherever_on_a_circle_the_motion_begins():
     """Headings add up over the cut of angles, from some key frames once and from others twice."""
     motions = [pose(0.5, 0.0, math.radians(40.0))] * 14

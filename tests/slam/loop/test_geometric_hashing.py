@@ -40,6 +40,17 @@ def test_a_place_is_found_from_any_pose(seed, where, place):
 
 
 @given(SEEDS, POSES)
+def test_a_place_is_proposed_with_as_many_corners_as_are_asked_for_and_not_with_one_less(seed, where):
+    rng = np.random.default_rng(seed)
+    place = scattered(rng, 8)
+    index = GeometricHash()
+    index.add(place)
+    here = seen_again(place, where, rng, rng.permutation(8)[:6])
+    assert [each.count for each in index.propose(here, 6, anywhere)] == [6]
+    assert index.propose(here, 7, anywhere) == []
+
+
+@given(SEEDS, POSES)
 def test_neither_a_mirror_image_nor_another_place_is_taken_for_a_place(seed, where):
     rng = np.random.default_rng(seed)
     place = scattered(rng, 8)

@@ -117,13 +117,13 @@ def test_corners_are_as_accurate_as_standing_still(speed):
 
 @pytest.mark.parametrize("scan_stamp", [0.0, -0.1, -0.05])
 def test_odometry_is_followed_between_records_and_beyond_the_last(scan_stamp):
-    """Beams after, before and around the last record, from records of steady motion along a line that turns."""
+    """Beams after, before and around the last record, from records of steady motion over the cut of angles."""
     stamps = np.arange(-10, 1) * 0.02
-    poses = np.column_stack([1.0 + 0.5 * stamps, 2.0 - 0.2 * stamps, wrap_angle(3.1 + 1.0 * stamps)])
+    poses = np.column_stack([1.0 + 0.5 * stamps, 2.0 - 0.2 * stamps, wrap_angle(3.2 + 1.0 * stamps)])
     model = sensor_preset("rplidar-s1")
     scan = LaserScan(np.full(50, 3.0), np.linspace(-3.0, 3.0, 50), scan_stamp, np.linspace(0.0, 0.1, 50))
     times = scan_stamp + np.linspace(0.0, 0.1, 50)
-    truth = np.column_stack([1.0 + 0.5 * times, 2.0 - 0.2 * times, wrap_angle(3.1 + 1.0 * times)])
+    truth = np.column_stack([1.0 + 0.5 * times, 2.0 - 0.2 * times, wrap_angle(3.2 + 1.0 * times)])
     expected = deskew(scan, model, poses[-1], truth)
     found = deskew_by_odometry(scan, model, stamps.tolist(), list(poses))
     np.testing.assert_allclose(points(found), points(expected), rtol=0.0, atol=1e-9)

@@ -8,7 +8,7 @@ from functools import cache
 import numpy as np
 import pytest
 from places import DATA
-from registration_scenes import corridor_run
+from registration_scenes import CONFIG, LIDAR, LINE_DISTANCE, SENSOR, corridor_run
 from scipy.stats import chi2
 
 from drivers.carmen.log import CarmenLog
@@ -17,6 +17,7 @@ from features.extraction import extract
 from features.scan import LaserScan
 from features.se2 import between, compose, pose, wrap_angle
 from sim import room_run
+from sim.worlds.built_in.demo_room import room
 from slam.config import SlamConfig
 from slam.errors import DivergedError
 from slam.evaluation.relations import Relations, read_relations, relations
@@ -174,6 +175,51 @@ def test_standing_still_makes_nothing_surer():
         odometry.register(frame.stamp + 0.1 * k, scan, extract(scan, sensor, config.extraction).lines)
     np.testing.assert_allclose(since.motion_cov, np.zeros((3, 3)), atol=1e-15)
     np.testing.assert_array_equal(odometry.pose, before)
+
+
+class Told:
+    """Motions that are told, with their covariances."""
+
+    def __init__(self, *motions):
+        self._motions = iter(motions)
+
+    def step(self, stamp, pose_odom_robot):
+        return next(self._motions)
+
+    def learn(self, stamp, since):
+        return False
+
+
+@pytest.mark.parametrize("unsure", range(3), ids=["ahead", "across", "turn"])
+def test_a_motion_that_one_coordinate_alone_leaves_open_is_corrected_by_the_scan(unsure):
+    """The two others are known better than any scan could tell; the robot stands, and is told a motion of that one."""
+    here, sigmas = pose(2.2, 1.7, 0.6), np.full(3, 1e-4)
+    sigmas[unsure] = 0.05
+    error = np.where(np.arange(3) == unsure, 0.05, 0.0)
+    scan = LIDAR.scan(room(), here, 0.0, np.random.default_rng(9))
+    lines = extract(scan, SENSOR, CONFIG.extraction).lines
+    motion = Told((pose(), np.zeros((3, 3))), (error, np.diag(sigmas**2)))
+    odometry = LineOdometry(here, motion, SENSOR, LINE_DISTANCE, 1)
+    for stamp in (0.0, 1.0):
+        odometry.predict(stamp, pose())
+        odometry.register(stamp, scan, lines)
+        odometry.add_key_frame()
+    np.testing.assert_allclose(odometry.pose, here, atol=0.005)
+
+
+def test_from_one_place_a_scan_corrects_once_however_uncertain_the_way_there_was():
+    here, rng = pose(2.2, 1.7, 0.6), np.random.default_rng(10)
+    motion = Told((pose(), np.eye(3)), (pose(), 0.05**2 * np.eye(3)), (pose(), np.zeros((3, 3))))
+    odometry = LineOdometry(here, motion, SENSOR, LINE_DISTANCE, 1)
+    poses = []
+    for stamp in range(3):
+        scan = LIDAR.scan(room(), here, float(stamp), rng)
+        odometry.predict(float(stamp), pose())
+        odometry.register(float(stamp), scan, extract(scan, SENSOR, CONFIG.extraction).lines)
+        poses.append(odometry.pose.copy())
+        odometry.add_key_frame()
+    assert (poses[1] != poses[0]).all()
+    np.testing.assert_array_equal(poses[2], poses[1])
 
 
 def test_odometry_beyond_all_numbers_is_a_divergence():

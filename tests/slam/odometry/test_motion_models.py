@@ -101,6 +101,32 @@ def test_forecast_is_the_best_one_of_velocities_that_change_at_random():
     assert abs(np.corrcoef(errors, before)[0, 1]) < 0.064
 
 
+def test_a_scan_that_tells_nothing_leaves_the_velocity_as_uncertain_as_before():
+    """Of a robot of which nothing is known: the next motion is foreseen as the first one was."""
+    source = constant_velocity()
+    source.step(0.0, pose())
+    source.learn(0.0, since_scan(pose()))
+    motion, cov = source.step(0.2, pose())
+    drifting = ClonedPose(pose())
+    anchor = drifting.clone()
+    drifting.move(motion, cov)
+    source.learn(0.2, anchor)
+    motion_after, cov_after = source.step(0.4, pose())
+    np.testing.assert_allclose(motion_after, motion, atol=1e-12)
+    np.testing.assert_allclose(cov_after, cov, rtol=1e-9)
+
+
+def test_a_turn_rate_is_learned_across_the_cut_of_angles():
+    """170 deg from scan to scan, then 190, which is a motion of -170 deg; all is linear, so it is twice the half."""
+    turns = np.radians([170.0] * 4 + [190.0] * 4)
+    forecasts = []
+    for share in (0.5, 1.0):
+        source = ConstantVelocity(1.0, 10.0, 1.0, 10.0)
+        drive(source, [(0.0, pose()), *((k + 1.0, pose(0.0, 0.0, share * turn)) for k, turn in enumerate(turns))])
+        forecasts.append(source.step(9.0, pose())[0][2])
+    assert forecasts[1] == pytest.approx(2.0 * forecasts[0], abs=1e-9)
+
+
 def test_two_scans_of_one_stamp_leave_the_velocity():
     records = [(0.0, pose()), (0.2, pose(0.1, 0.0, 0.0))]
     motions = []
