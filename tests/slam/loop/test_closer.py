@@ -195,16 +195,11 @@ def test_a_bare_corridor_is_no_place():
         assert show(closer, seen(CORRIDOR, here, rng), STEP, truth[: k + 1]) is None
 
 
-<<<<<<< HEAD
-def revisit(looks, rng, share=SHARE):
-    """Seven metres of the ring, far away round it, and then key frames that show it again, or not (None)."""
-=======
-def revisit(looks, rng, rules=RULES, turn=0.0):
+def revisit(looks, rng, share=SHARE, turn=0.0):
     """Seven metres of the ring, far away round it, and then key frames that show it again, or not (None).
 
     From one to the next the robot goes on, and turns on the spot by so much more [rad].
     """
->>>>>>> h-mutants
     truth = along(ROUND, 14)
     estimate = [*truth]
     closer = closer_of(share)
