@@ -31,6 +31,17 @@ def test_a_corner_seen_from_several_poses_is_one(seed, poses):
     assert (found.kinds == expected.kinds).all()
 
 
+@given(SEEDS, st.sampled_from([0.0, 2.0, math.pi]), st.floats(0.01, 0.15))
+def test_an_orientation_is_the_mean_of_its_sightings_over_the_cut_of_angles_too(seed, orientation, error):
+    corners = scattered(np.random.default_rng(seed), 6)
+    corners.signatures.orientations[:] = orientation
+    sightings = [as_corners(corners, pose()) for _ in range(2)]
+    for sighting, sign in zip(sightings, (1.0, -1.0), strict=True):
+        sighting.records["orientation"] += sign * error
+    found = collect_constellation([pose(), pose()], sightings).signatures
+    np.testing.assert_allclose(wrap_angle(found.orientations - orientation), 0.0, atol=1e-9)
+
+
 @given(SEEDS)
 def test_corners_of_different_kinds_stay_apart_though_they_are_near(seed):
     corners = scattered(np.random.default_rng(seed), 5)
