@@ -43,11 +43,11 @@ def test_a_place_is_found_from_any_pose(seed, where, place):
 def test_a_place_is_proposed_with_as_many_corners_as_are_asked_for_and_not_with_one_less(seed, where):
     rng = np.random.default_rng(seed)
     place = scattered(rng, 8)
-    index = GeometricHash()
-    index.add(place)
     here = seen_again(place, where, rng, rng.permutation(8)[:6])
-    assert [each.count for each in index.propose(here, 6, anywhere)] == [6]
-    assert index.propose(here, 7, anywhere) == []
+    for least, counts in ((6, [6]), (7, [])):
+        index = GeometricHash(PlaceRules(corners=least))
+        index.add(place)
+        assert [each.count for each in index.propose(here, anywhere)] == counts
 
 
 @given(SEEDS, POSES)
