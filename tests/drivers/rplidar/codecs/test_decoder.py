@@ -102,6 +102,21 @@ def test_a_flipped_bit_costs_one_packet(answer, seed, data):
     assert decoder.counts.dropped_bytes == FORMATS[answer].size
     begins_as_one = packet[0] == 0xA5 if answer is Answer.HQ else (packet[0] >> 4, packet[1] >> 4) == (0xA, 0x5)
     assert decoder.counts.checksum_errors == begins_as_one
+    assert decoder.counts.discontinuities == 0  # a gap of which the bytes tell is no second one by the angle
+
+
+@pytest.mark.parametrize("answer", [answer for answer in FORMATS if answer is not Answer.STANDARD])
+@given(seed=seeds, data=st.data())
+def test_an_intact_packet_amid_damage_counts_only_where_another_follows(answer, seed, data):
+    """Eight bits of a checksum are right by chance; here the bytes of two packets hold one that is not in its place."""
+    sent, size = stream(answer, 8, np.random.default_rng(seed)), FORMATS[answer].size
+    shift = data.draw(st.integers(1, size - 1))
+    damage = bytes(shift) + sent.packets[7] + bytes(size - shift)
+    good = whole(answer, sent.packets)
+    decoder, batches = damaged(answer, b"".join([*sent.packets[:4], damage, *sent.packets[4:]]))
+    kept = (good.packets < 4 - FORMATS[answer].pending) | (good.packets >= 4)
+    assert_array_equal(ranges_of(batches), good.ranges[kept])
+    assert (decoder.counts.packets, decoder.counts.dropped_bytes) == (8, 2 * size)
 
 
 @given(answers, seeds, st.data())
