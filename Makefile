@@ -12,7 +12,7 @@ demo: $(READY)
 	$(BIN)/cwlf-slam demo --out runs/demo --overwrite
 
 test: $(READY)
-	$(MAKE) --jobs=2 --output-sync=target lint kernels
+	$(MAKE) --jobs=2 lint kernels
 	$(PYTEST)
 
 quick: $(READY)

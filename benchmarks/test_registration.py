@@ -9,7 +9,8 @@ from sim.sensing.lidar import Lidar
 from sim.worlds.built_in.demo_room import room
 from slam.config import SlamConfig
 from slam.odometry.line_map import LineMap, walls_of_lines
-from slam.odometry.registration import RegistrationRules, register
+from slam.odometry.registration import register
+from slam.odometry.rules import RegistrationRules
 from slam.odometry.scan_points import scan_points
 
 HERE = pose(2.2, 1.7, 0.6)

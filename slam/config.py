@@ -129,7 +129,7 @@ class FrontEndConfig(_Section):
         default=0.9999, gt=0.0, lt=1.0, description="chi-square level beyond which a corner is a new landmark"
     )
     birth_distance_m: float = Field(
-        default=0.5, ge=0.0, description="nearest landmark of the same kind to a new one [m]"
+        default=0.5, ge=0.0, description="least distance of a new landmark from any other of the same kind [m]"
     )
     opening_tolerance_deg: float = Field(
         default=20.0, gt=0.0, description="opening angles that may belong together [deg]"
@@ -159,7 +159,7 @@ class BackEndConfig(_Section):
     corner_scatter_mm: float = Field(
         default=0.0,
         ge=0.0,
-        description="how far apart a corner lies as seen from different key frames, beyond the noise [mm]",
+        description="standard deviation of a corner between key frames, beyond the sensor noise [mm]",
     )
     max_iterations: int = Field(default=100, ge=1, description="iterations of the batch solve at most")
 
@@ -168,7 +168,7 @@ class LoopConfig(_Section):
     """Loop closing."""
 
     enabled: bool = Field(default=True, description="recognise places that were seen before")
-    apart_m: float = Field(default=15.0, gt=0.0, description="way between two visits of a place [m]")
+    apart_m: float = Field(default=15.0, gt=0.0, description="path length between two visits of a place [m]")
     reach_m: float = Field(default=5.0, gt=0.0, description="distance of key frames that may show the same place [m]")
     least_share: float = Field(
         default=0.6, gt=0.0, le=1.0, description="share of the points of a scan that must lie on walls seen before"

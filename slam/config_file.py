@@ -13,7 +13,7 @@ from slam.config import SlamConfig
 from slam.errors import ConfigError
 
 REASONS = {"extra_forbidden": "no such key", "model_type": "expected a table"}
-"""What pydantic says in its own terms, in those of the user, by its type of error."""
+"""Messages for the user by pydantic's type of error."""
 
 
 NO_SOURCE = SourceInfo("", "sick-lms")

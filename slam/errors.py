@@ -8,7 +8,7 @@ class ConfigError(CwlfError):
 
 
 class DivergedError(CwlfError):
-    """The estimate is no longer a number or its covariance no longer one."""
+    """The estimate is not finite, its covariance not positive definite, or the graph has no unique solution."""
 
 
 class RunFolderError(CwlfError):

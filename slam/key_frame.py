@@ -1,4 +1,4 @@
-"""What is kept of a frame that becomes a key frame."""
+"""The walls and points that are kept of each key frame for the map."""
 
 from dataclasses import dataclass
 
@@ -11,7 +11,7 @@ from slam.view import View
 
 @dataclass(frozen=True, slots=True, eq=False)
 class KeyFrame:
-    """A frame that the graph holds.
+    """Walls and points of a key frame, kept for the map.
 
     Parameters
     ----------
@@ -26,7 +26,7 @@ class KeyFrame:
 
     @classmethod
     def of(cls, record: int, view: View, sensor: SensorModel) -> "KeyFrame":
-        """Keep what the map draws of a view."""
+        """Take the walls and points of a view."""
         scan = view.scan
         if scan is None or view.features is None:
             return cls(record, np.empty((0, 2, 2)), np.empty((0, 2)))

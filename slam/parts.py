@@ -1,4 +1,4 @@
-"""Parts of the pipeline, made of the configuration; each takes the numbers that it needs, and no more."""
+"""Builds the parts of the pipeline from the configuration, converted to SI units."""
 
 import math
 from dataclasses import dataclass
@@ -14,13 +14,15 @@ from features.sensor import SensorModel
 from slam.config import SlamConfig
 from slam.filter.association import Associator, Gates
 from slam.filter.front_end import FrontEnd
-from slam.loop.rules import LoopRules
+from slam.loop.closer import LoopCloser
 from slam.odometry.cloned_pose import PoseClone
 from slam.odometry.line_odometry import LineOdometry
 from slam.odometry.motion_models import ConstantVelocity, OdometryModel, WheelMotion
+from slam.rules import SlamRules
+from slam.trust.monitor import TrustMonitor
 
 FIRST_POSE_COV = np.diag([1e-8, 1e-8, 1e-10])
-"""The first pose defines the world frame."""
+"""Covariance of the first pose, almost zero, as this pose defines the world frame [m^2, m^2, rad^2]."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -41,7 +43,7 @@ class CwlfExtractor:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Estimators:
-    """What estimates the motion and the landmarks from the first pose on.
+    """The estimators of motion and landmarks, created at the first pose.
 
     Parameters
     ----------
@@ -59,15 +61,23 @@ class Estimators:
     since_scan: PoseClone
 
     @classmethod
-    def start(cls, config: SlamConfig, pose_world_robot: Pose, associator: Associator | None) -> "Estimators":
+    def start(
+        cls, config: SlamConfig, rules: SlamRules, pose_world_robot: Pose, associator: Associator | None
+    ) -> "Estimators":
         """Estimators as they are configured, at the first pose, shape (3,)."""
-        odometry = line_odometry(config, pose_world_robot)
+        odometry = line_odometry(config, pose_world_robot, rules)
         keep_distance = config.front_end.keep_distance_m
-        front_end = FrontEnd(pose_world_robot, FIRST_POSE_COV, gates(config), keep_distance, associator)
+        front_end = FrontEnd(
+            pose_world_robot, FIRST_POSE_COV, gates(config, rules), keep_distance, associator, rules.filter
+        )
         return cls(odometry, front_end, odometry.clone(), odometry.clone(), odometry.clone())
 
 
-def line_odometry(config: SlamConfig, pose_map_robot: Pose) -> LineOdometry:
+def line_odometry(
+    config: SlamConfig,
+    pose_map_robot: Pose,
+    rules: SlamRules = SlamRules(),  # noqa: B008, frozen
+) -> LineOdometry:
     """Odometry as it is configured, from its first pose."""
     odometry = config.odometry
     wheels = OdometryModel(
@@ -82,16 +92,17 @@ def line_odometry(config: SlamConfig, pose_map_robot: Pose) -> LineOdometry:
             turn_rate=math.radians(odometry.turn_rate_deg_s),
             speed_change=odometry.speed_change_m_s,
             turn_rate_change=math.radians(odometry.turn_rate_change_deg_s),
+            rules=rules.velocity,
         )
     else:
-        motion = WheelMotion(wheels)
-    rules = config.extraction
+        motion = WheelMotion(wheels, rules.wheels)
+    extraction = config.extraction
     sensor = config.sensor.model()
-    line_distance = max(rules.split_distance_mm * 1e-3, rules.split_sigmas * sensor.sigma_range)
-    return LineOdometry(pose_map_robot, motion, sensor, line_distance, odometry.key_frames)
+    line_distance = max(extraction.split_distance_mm * 1e-3, extraction.split_sigmas * sensor.sigma_range)
+    return LineOdometry(pose_map_robot, motion, sensor, line_distance, odometry.key_frames, rules.odometry)
 
 
-def gates(config: SlamConfig) -> Gates:
+def gates(config: SlamConfig, rules: SlamRules) -> Gates:
     """Gates of the association in the units it works in."""
     front_end = config.front_end
     return Gates(
@@ -101,10 +112,17 @@ def gates(config: SlamConfig) -> Gates:
         birth_distance=front_end.birth_distance_m,
         opening=math.radians(front_end.opening_tolerance_deg),
         orientation=math.radians(front_end.orientation_tolerance_deg),
+        most_nodes=rules.filter.most_nodes,
     )
 
 
-def loop_rules(config: SlamConfig) -> LoopRules:
-    """Return what counts as the same place."""
+def loop_closer(config: SlamConfig, rules: SlamRules) -> LoopCloser:
+    """Loop closing as it is configured, without key frames."""
     loop = config.loop
-    return LoopRules(apart=loop.apart_m, reach=loop.reach_m, share=loop.least_share)
+    return LoopCloser(apart=loop.apart_m, reach=loop.reach_m, share=loop.least_share, rules=rules.loop)
+
+
+def trust_monitor(config: SlamConfig, rules: SlamRules) -> TrustMonitor:
+    """Watch over a run as it is configured."""
+    wheels = config.odometry.source == "line-aided"
+    return TrustMonitor(config.front_end.match_probability, rules.odometry.sure_share, wheels=wheels, rules=rules.trust)

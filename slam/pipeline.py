@@ -23,17 +23,17 @@ from slam.graph.reassociation import reassociate
 from slam.graph.solution import Solution, solve
 from slam.graph.values import Closure
 from slam.key_frame import KeyFrame
-from slam.loop.closer import LoopCloser
 from slam.map.landmark_map import landmark_map
 from slam.odometry.deskew import deskew_by_odometry
-from slam.parts import FIRST_POSE_COV, CwlfExtractor, Estimators, loop_rules
+from slam.parts import FIRST_POSE_COV, CwlfExtractor, Estimators, loop_closer, trust_monitor
 from slam.result.assemble import assemble_result
 from slam.result.records import Records
 from slam.result.result import SlamResult
 from slam.result.run_metrics import RunMetrics
 from slam.result.stage_clock import StageClock, peak_memory_mb
+from slam.rules import SlamRules
 from slam.step import Step
-from slam.trust.monitor import Trust, TrustMonitor
+from slam.trust.monitor import Trust
 from slam.view import Extractor, View, view_of_observations, view_of_scan
 
 
@@ -46,7 +46,8 @@ class Slam:
 
     Parameters
     ----------
-    config : of all that comes with the project.
+    config : of all that comes with the project: what depends on the robot, the scanner or the building.
+    rules : the numbers of the method itself, for a study of them.
     extractor : another extractor of features than :func:`features.extraction.extract`.
     associator : another association of corners and landmarks than :func:`slam.filter.association.associate`.
     back_end : makes another back-end, without key frames, than :class:`slam.graph.incremental.LandmarkGraph`.
@@ -60,24 +61,26 @@ class Slam:
         self,
         config: SlamConfig,
         *,
+        rules: SlamRules = SlamRules(),  # noqa: B008, frozen
         extractor: Extractor | None = None,
         associator: Associator | None = None,
         back_end: Callable[[], BackEnd] | None = None,
     ) -> None:
         self.config = config
+        self._rules = rules
         self._solution: Solution | None = None
         self._sensor = config.sensor.model()
         self._extractor: Extractor = extractor or CwlfExtractor(config.extraction)
         self._associator = associator
         self._back_end = back_end
         self._graph = self._new_graph()
-        self._closer = LoopCloser(loop_rules(config))
+        self._closer = loop_closer(config, rules)
         self._started: Estimators | None = None
         self._records = Records()
         self._key_frames: list[KeyFrame] = []
         self._unidentified: list[Sighting] = []
         self._observations = ObservationCounts()
-        self._monitor = TrustMonitor(config.front_end.match_probability, wheels=config.odometry.source == "line-aided")
+        self._monitor = trust_monitor(config, rules)
         self._clock = StageClock("extract", "odometry", "front_end", "back_end", "loop")
 
     @property
@@ -134,12 +137,12 @@ class Slam:
         return self._solution
 
     def process(self, frame: Frame) -> Step:
-        """Take one frame in.
+        """Process one frame.
 
         Raises
         ------
         DivergedError
-            The filter's covariance is no longer one.
+            The estimate is not finite, or its covariance is not positive definite.
         ValueError
             The stamp is smaller than the one before, or stamp or pose is not finite; nothing has changed.
         """
@@ -162,7 +165,7 @@ class Slam:
     def _predict(self, stamp: float, pose_odom_robot: Pose) -> None:
         """Move odometry on to a record; the first one starts the estimators."""
         if self._started is None:
-            self._started = Estimators.start(self.config, pose_odom_robot, self._associator)
+            self._started = Estimators.start(self.config, self._rules, pose_odom_robot, self._associator)
         odometry = self._started.odometry
         odometry.predict(stamp, pose_odom_robot)
         self._records.add(stamp, pose_odom_robot, odometry.pose)
@@ -220,7 +223,7 @@ class Slam:
     def _key_frame_due(self, view: View) -> bool:
         since = self._estimators.since_key_frame
         if view.scan is None and self._key_frames:
-            # An observation is small: the graph takes each that the filter takes, once the robot has moved at all.
+            # Without scans key frames are cheap: each update of the filter makes one, once the robot has moved at all.
             return self._update_due() and since.travel + since.turn > 0.0
         back_end = self.config.back_end
         return not self._key_frames or since.moved_beyond(
@@ -288,20 +291,27 @@ class Slam:
         return assemble_result(self._records, self._key_frames, solution.estimate, landmarks, metrics, self.config)
 
     def _solve(self) -> Solution:
-        """Solve the graph as it grew; where no observation has a signature or an identity, one by all that was seen.
+        """Solve the graph; if no observation has a signature or an identity, rebuild it by reassociation first.
 
-        A landmark that looks like any other is identified by later observations, for which the filter could not wait.
+        Without signatures only later observations may decide an association, and the filter did not have these.
         """
         graph, table, max_iterations = self._graph, self.landmark_table, self.config.back_end.max_iterations
         if len(self._unidentified) == len(self._key_frames):
             first_pose = graph.poses_world_robot[0]
             graph, table = reassociate(
-                self._new_graph(), first_pose, FIRST_POSE_COV, self._unidentified, max_iterations
+                self._new_graph(),
+                first_pose,
+                FIRST_POSE_COV,
+                self._unidentified,
+                max_iterations,
+                self._rules.hypotheses,
             )
         return solve(graph, table, max_iterations)
 
     def _new_graph(self) -> BackEnd:
-        return self._back_end() if self._back_end is not None else JournaledGraph(self.config.back_end.cauchy_scale)
+        if self._back_end is not None:
+            return self._back_end()
+        return JournaledGraph(self.config.back_end.cauchy_scale, self._rules.graph)
 
     def _metrics(self, solution: Solution, landmarks: int, interrupted: bool) -> RunMetrics:
         stamps, odometry = self._records.stamps, self._estimators.odometry

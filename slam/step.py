@@ -1,4 +1,4 @@
-"""What one frame did to a run."""
+"""The result of processing one frame."""
 
 from dataclasses import dataclass
 

@@ -6,7 +6,9 @@ import tomllib
 from places import ROOT
 
 LAXER = re.compile(r"^\s*#\s*pyright:\s*(?:basic|standard)\b", re.MULTILINE)
-COMPILES = re.compile(r"^\s*(?:from|import)\s+(?:features\.compiled|numba)\b", re.MULTILINE)
+COMPILES = re.compile(
+    r"^\s*(?:(?:from|import)\s+(?:features\.compiled|numba)\b|from\s+features\s+import\s.*\bcompiled\b)", re.MULTILINE
+)
 
 
 def test_files_with_compiled_kernels_and_no_others_are_exempt_from_strict_types():

@@ -12,19 +12,17 @@ from features.se2 import Array
 from features.signature import Kind, Signatures, alike
 from slam.filter.ekf import POSE_DIM, LandmarkEkf, corner_jacobian_blocks, predict_corners
 from slam.filter.joint_compatibility import joint_compatibility
+from slam.filter.rules import FilterRules
 
 Indices = NDArray[np.int64]
 
 Method = Literal["joint", "nearest"]
 """Joint compatibility branch and bound, or gated nearest neighbour."""
 
-MOST_CORNERS = 500
-"""For which gates are kept ready; no scan has as many."""
-
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Association:
-    """Corners by what became of them; those that are neither matched nor new are left out.
+    """Data association of the corners of a scan; corners that are neither matched nor new are discarded.
 
     Parameters
     ----------
@@ -44,11 +42,11 @@ class Association:
 
 @dataclass(slots=True)
 class ObservationCounts:
-    """What became of the corners that the filter was shown.
+    """Counts of the associations of all corners of a run.
 
     Parameters
     ----------
-    matched, new : taken for a landmark, and for none that was known.
+    matched, new : matched to a known landmark; initialised as a new one.
     ambiguous : left out as the gate admitted a landmark that went to another corner, or did not fit the others.
     gated_out : left out as no gate admitted a landmark, but one was too near for the corner to be new.
     """
@@ -72,10 +70,11 @@ class Gates:
     Parameters
     ----------
     method : how pairs are chosen among those that the gates admit.
-    match_probability : chi-square level up to which a corner may be the landmark.
-    birth_probability : chi-square level beyond which a corner is none of those known.
-    birth_distance : nearest landmark of the same kind to a new one [m].
-    opening, orientation : differences of signature that may belong together [rad].
+    match_probability : chi-square probability of the association gate.
+    birth_probability : chi-square probability of the gate outside of which a corner is a new landmark.
+    birth_distance : least distance of a new landmark from any other of the same kind [m].
+    opening, orientation : largest differences of opening angle and orientation in a matched pair [rad].
+    most_nodes : of the search tree of the joint compatibility.
     """
 
     def __init__(
@@ -86,14 +85,24 @@ class Gates:
         birth_distance: float,
         opening: float,
         orientation: float,
+        most_nodes: int = FilterRules().most_nodes,
     ) -> None:
         self.method: Method = method
-        self.joint: Array = np.asarray(chi2.ppf(match_probability, np.maximum(2 * np.arange(MOST_CORNERS), 1)))
-        self.match = float(self.joint[1])
+        self.most_nodes = most_nodes
+        self._match_probability = match_probability
+        self._joint: Array = np.empty(0)
+        self.match = float(self.joint(1)[1])
         self.birth = float(chi2.ppf(birth_probability, 2))
         self.birth_distance = birth_distance
         self.opening = opening
         self.orientation = orientation
+
+    def joint(self, most_pairs: int) -> Array:
+        """Limits of the squared Mahalanobis distance of 0, 1, ... pairs together, for so many pairs or more."""
+        if len(self._joint) <= most_pairs:
+            dofs = np.maximum(2 * np.arange(2 * most_pairs + 1), 1)
+            self._joint = np.asarray(chi2.ppf(self._match_probability, dofs), np.float64)
+        return self._joint
 
 
 class Associator(Protocol):
@@ -135,7 +144,9 @@ def associate(corners_robot: Corners, ekf: LandmarkEkf, signatures: Signatures, 
     rows, columns = np.nonzero(admitted <= gates.match)
     if gates.method == "joint":
         cov = _joint_cov(corners_robot, ekf, rows, columns)
-        chosen, nis = joint_compatibility(rows, columns, innovations[rows, columns], cov, gates.joint)
+        chosen, nis = joint_compatibility(
+            rows, columns, innovations[rows, columns], cov, gates.joint(count), gates.most_nodes
+        )
     else:
         chosen = _nearest(rows, columns, admitted[rows, columns])
         nis = _joint_distance2(
@@ -147,7 +158,7 @@ def associate(corners_robot: Corners, ekf: LandmarkEkf, signatures: Signatures, 
         np.hypot(innovations[..., 0], innovations[..., 1]) < gates.birth_distance
     )
     explaining = near | (admitted <= gates.birth)
-    # Points have no signature that tells a real one from half of another: two seen at once are two, however near.
+    # A matched landmark does not explain another point of the same scan: two points seen at once are two landmarks.
     explaining[np.ix_(corners_robot.kinds == Kind.POINT, landmarks)] = False
     explained = explaining.any(axis=1)
     explained[corners] = True
@@ -159,13 +170,13 @@ def associate(corners_robot: Corners, ekf: LandmarkEkf, signatures: Signatures, 
 def associate_identified(
     corners_robot: Corners, identities: Indices, ekf: LandmarkEkf, known: Indices, gate: float
 ) -> tuple[Association, Array]:
-    """Match observations, robot frame, of given identities to the filter's landmarks; of two of a landmark the first.
+    """Match observations, robot frame, to landmarks by their identities; of equal identities only the first counts.
 
     Parameters
     ----------
     corners_robot, identities : of each observation, shape (k,).
     ekf, known : the filter, and the identity of each of its landmarks, shape (n,).
-    gate : squared Mahalanobis distance, 2 degrees of freedom, beyond which an observation is doubted.
+    gate : squared Mahalanobis distance, 2 degrees of freedom, beyond which the covariance is enlarged.
 
     Returns
     -------
@@ -182,11 +193,11 @@ def associate_identified(
     innovations = corners_robot.positions[corners] - predict_corners(ekf.x, landmarks)
     cov = _joint_cov(corners_robot, ekf, corners, landmarks)
     blocks, own = cov.reshape(len(corners), 2, len(corners), 2), np.arange(len(corners))
-    doubts = np.maximum(_mahalanobis2(innovations, blocks[own, :, own]) / gate, 1.0)[:, None, None]
+    inflation = np.maximum(_mahalanobis2(innovations, blocks[own, :, own]) / gate, 1.0)[:, None, None]
     covs = corners_robot.covs[corners]
-    blocks[own, :, own] += (doubts - 1.0) * covs
+    blocks[own, :, own] += (inflation - 1.0) * covs
     association = Association(corners, landmarks, first[~matched], _joint_distance2(innovations, cov))
-    return association, doubts * covs
+    return association, inflation * covs
 
 
 def _nearest(corners: Indices, landmarks: Indices, distances2: Array) -> Indices:

@@ -195,14 +195,14 @@ class LandmarkEkf(ExtendedKalmanFilter):
         return predict_corners(self.x, landmarks), np.asarray(H @ (H @ self.P).T)
 
     def rebase(self, pose_world_robot: Pose, cov: Array) -> None:
-        """Put the robot at another pose, of covariance (3, 3); landmarks stay where they are seen from it (eq. M41)."""
+        """Replace pose and covariance (3, 3); the landmarks relative to the robot stay as they are (eq. M41)."""
         positions_robot, relative_cov = self.relative()
         self.x = np.array(pose_world_robot, dtype=np.float64)
         self.P = np.array(cov, dtype=np.float64)
         self.add_landmarks(positions_robot, relative_cov)
 
     def forget(self, landmarks: NDArray[np.int64]) -> None:
-        """Take landmarks out of the state; what they contributed to the rest stays in it."""
+        """Marginalise landmarks out: delete their rows and columns; the rest of the state is unchanged."""
         kept = np.ones(self.x.size, np.bool_)
         kept[(POSE_DIM + 2 * landmarks[:, None] + np.arange(2)).ravel()] = False
         self.x, self.P = self.x[kept], self.P[np.ix_(kept, kept)]

@@ -16,12 +16,10 @@ from features.signature import Kind, alike
 from slam.filter.association import Association, Associator, Gates, associate, associate_identified
 from slam.filter.ekf import POSE_DIM, LandmarkEkf, block_diagonal, corner_jacobian_blocks
 from slam.filter.landmark_table import ACTIVE, LandmarkTable
+from slam.filter.rules import FilterRules
 from slam.odometry.beams import seen_through
 
 Indices = NDArray[np.int64]
-
-MERGE_SIGMA = 0.01
-"""Standard deviation of the distance of two landmarks that are one [m]."""
 
 
 class FrontEnd:
@@ -33,14 +31,15 @@ class FrontEnd:
     gates : of the association.
     keep_distance : landmarks farther from the robot become inactive [m].
     associator : another association than :func:`slam.filter.association.associate`; None for that one.
+    rules : how sure a merger is, and when beams have gone through a landmark.
 
     Attributes
     ----------
     ekf : the filter.
     table : what is known of every landmark.
     active : landmarks in the order of the filter's state, shape (n,).
-    returned : the latest observations were also of inactive landmarks, known by their identity: the graph knows more of
-        where the robot is than the filter does.
+    returned : the latest frame reactivated a landmark by its identity, so that the graph knows the pose of the robot
+        better than the filter.
     """
 
     def __init__(
@@ -50,7 +49,9 @@ class FrontEnd:
         gates: Gates,
         keep_distance: float,
         associator: Associator | None = None,
+        rules: FilterRules = FilterRules(),  # noqa: B008, frozen
     ) -> None:
+        self._rules = rules
         self.ekf = LandmarkEkf(pose_world_robot, cov)
         self.table = LandmarkTable()
         self.active: Indices = np.empty(0, np.int64)
@@ -68,8 +69,8 @@ class FrontEnd:
     def observe(self, corners_robot: Corners, identities: Indices | None = None) -> tuple[Association, Indices]:
         """Associate the corners of a scan, update with those that are known and give birth to those that are new.
 
-        Given the ``identities`` of the corners, shape (k,), they are the association. One that is wrong, or an
-        observation that is, must not throw the filter: beyond the gate its covariance is enlarged until it is at the
+        With ``identities``, shape (k,), the association is by these alone. Against wrong identities and outliers, the
+        covariance of an observation outside the gate is enlarged until the observation lies on the
         gate.
 
         Returns
@@ -113,14 +114,14 @@ class FrontEnd:
         return landmarks
 
     def _remember_apart(self, points: Indices) -> None:
-        """Points that were seen at once are not one, however near they are."""
+        """Record that points of one scan are different landmarks, so that they are never merged."""
         self._seen_at_once.update(combinations(sorted(points.tolist()), 2))
 
     def count_misses(self, scan: LaserScan, sensor: SensorModel, seen: Indices) -> None:
-        """Remove landmarks that beams passed through more often than they were seen; none ``seen`` just now."""
+        """Count misses of the landmarks not ``seen`` now; remove those with more misses than observations."""
         if not self.active.size:
             return
-        missed = seen_through(scan, sensor, transform_inverse(self.ekf.pose, self.ekf.landmarks))
+        missed = seen_through(scan, sensor, transform_inverse(self.ekf.pose, self.ekf.landmarks), self._rules.beams)
         missed &= ~_among(self.active, seen)
         self._drop(self.table.miss(self.active, missed))
 
@@ -189,7 +190,7 @@ class FrontEnd:
         self.active = np.concatenate([self.active, known])
 
     def _duplicates(self) -> tuple[int, int] | None:
-        """Places of two landmarks that are one: as near as their covariance allows, of the same kind and signature."""
+        """State indices of two landmarks to merge: of equal kind and signature, difference inside the gate; or None."""
         gates, landmarks = self._gates, self.ekf.landmarks
         near = np.flatnonzero(pdist(landmarks, "sqeuclidean") < gates.birth_distance**2)
         if not near.size:
@@ -208,9 +209,9 @@ class FrontEnd:
         return None
 
     def _constrain_equal(self, kept: int, other: int) -> None:
-        """Update with the knowledge that two landmarks are one."""
+        """Update with an observation of zero difference between two landmarks."""
         H = self._difference(kept, other)
-        self.ekf.update(np.zeros(2), lambda x: H, lambda x: H @ x, R=MERGE_SIGMA**2 * np.eye(2))
+        self.ekf.update(np.zeros(2), lambda x: H, lambda x: H @ x, R=self._rules.merge_sigma**2 * np.eye(2))
 
     def _difference(self, a: int, b: int) -> csr_array:
         columns = POSE_DIM + np.array([2 * a, 2 * b, 2 * a + 1, 2 * b + 1])

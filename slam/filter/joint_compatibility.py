@@ -1,5 +1,5 @@
 # pyright: standard
-"""Joint compatibility branch and bound (Neira and Tardos 2001): the largest set of pairings that hold together."""
+"""Joint compatibility branch and bound (Neira and Tardos 2001): the largest jointly compatible set of pairings."""
 
 import numpy as np
 from numba import f8, i8
@@ -10,12 +10,9 @@ from features.se2 import Array
 
 Indices = NDArray[np.int64]
 
-MOST_NODES = 20_000
-"""Of the search tree; where they do not suffice the best set so far stands, which is at least the greedy one."""
-
 
 def joint_compatibility(
-    corners: Indices, landmarks: Indices, innovations: Array, cov: Array, gates: Array
+    corners: Indices, landmarks: Indices, innovations: Array, cov: Array, gates: Array, most_nodes: int
 ) -> tuple[Indices, float]:
     """Choose among candidate pairings a jointly compatible set: as many pairs as possible, then the smallest distance.
 
@@ -24,17 +21,27 @@ def joint_compatibility(
     corners, landmarks : of each candidate, shape (m,); candidates of a corner follow one another.
     innovations : of each candidate, shape (m, 2) [m].
     cov : of all innovations together, shape (2 m, 2 m) [m^2].
-    gates : limit of the squared Mahalanobis distance of 0, 1, ... pairs together (2 degrees of freedom each).
+    gates : limit of the squared Mahalanobis distance of 0, 1, ... pairs together (2 degrees of freedom each), for as
+        many pairs as there are corners.
+    most_nodes : of the search tree; where they do not suffice the best set so far stands, which is at least the greedy
+        one if there are more nodes than corners.
 
     Returns
     -------
     chosen : candidates, rising, shape (k,); each corner and each landmark at most once.
     distance2 : their squared Mahalanobis distance, 2 k degrees of freedom (eq. M42-M43).
+
+    Raises
+    ------
+    ValueError
+        There are fewer gates than the corners need.
     """
     if len(corners) == 0:
         return np.empty(0, np.int64), 0.0
     starts = np.flatnonzero(np.diff(corners, prepend=-1))
-    return _search(np.append(starts, len(corners)), landmarks, innovations, cov, gates)
+    if len(gates) <= len(starts):
+        raise ValueError(f"{len(starts)} corners need {len(starts) + 1} gates, not {len(gates)}")
+    return _search(np.append(starts, len(corners)), landmarks, innovations, cov, gates, most_nodes)
 
 
 @inner()
@@ -61,8 +68,8 @@ def _append(factor, white, hypothesis, pairs, candidate, innovations, cov):
     return added
 
 
-@kernel(i8[::1], i8[:], f8[:, ::1], f8[:, ::1], f8[::1])
-def _search(starts, landmarks, innovations, cov, gates):
+@kernel(i8[::1], i8[:], f8[:, ::1], f8[:, ::1], f8[::1], i8)
+def _search(starts, landmarks, innovations, cov, gates, most_nodes):
     """Depth first, each corner with its candidates in turn and last with none.
 
     A hypothesis carries the Cholesky factor of its innovations' covariance and the whitened innovations, so that one
@@ -77,11 +84,11 @@ def _search(starts, landmarks, innovations, cov, gates):
     distance2_at = np.zeros(levels + 1)
     following = np.empty(levels, np.int64)
     best = np.empty(levels, np.int64)
-    best_pairs = -1
+    best_pairs = 0
     best_distance2 = np.inf
     level = 0
     following[0] = starts[0]
-    for _ in range(MOST_NODES):
+    for _ in range(most_nodes):
         # Every corner that is left could still find its landmark.
         bound = pairs_at[level] + levels - level
         if bound < best_pairs or (bound == best_pairs and distance2_at[level] >= best_distance2):
@@ -117,4 +124,5 @@ def _search(starts, landmarks, innovations, cov, gates):
             pairs_at[level] = pairs
             distance2_at[level] = distance2
             following[level] = starts[level]
-    return best[:best_pairs].copy(), best_distance2
+    # Fewer nodes than corners lead to no hypothesis at all.
+    return best[:best_pairs].copy(), best_distance2 if best_pairs else 0.0

@@ -12,21 +12,21 @@ from features.signature import Signatures
 Indices = NDArray[np.int64]
 
 ACTIVE, MERGED, REMOVED = -1, -2, -3
-"""Instead of a key frame: the landmark is in the filter's state, is another one by now, or is no more."""
+"""Status in place of an anchor key frame: in the filter's state, merged into another landmark, or removed."""
 
 
 @dataclass(frozen=True, slots=True)
 class LandmarkCounts:
-    """What became of landmarks.
+    """Counts of landmarks by their status.
 
     Parameters
     ----------
-    born : all that there were.
+    born : all landmarks that were initialised.
     tentative : not seen often enough yet to be on the map.
     confirmed : seen often enough.
-    pruned : the beams went through their place more often than they were seen; tentative and confirmed ones.
+    pruned : removed, as they had more misses than observations; tentative and confirmed ones.
     merged : found to be another one.
-    rested, woken : times that landmarks left the filter for a key frame, and came back.
+    rested, woken : number of deactivations and reactivations.
     """
 
     born: int
@@ -41,8 +41,8 @@ class LandmarkCounts:
 class LandmarkTable:
     """Every landmark by its index.
 
-    A landmark is active, in the filter's state, or inactive: known from its anchor, the last key frame that saw it, so
-    that it moves with it when the graph does and is found again where it was seen.
+    A landmark is active (in the filter's state) or inactive: stored relative to its anchor, the last key frame that
+    observed it, so that it moves with this key frame when the graph is corrected.
 
     Attributes
     ----------
@@ -156,14 +156,14 @@ class LandmarkTable:
         self.headings[landmarks] += angle
 
     def miss(self, landmarks: Indices, missed: NDArray[np.bool_]) -> NDArray[np.bool_]:
-        """Count the ``missed`` of some landmarks, and remove those missed more often than seen; which, shape (k,)."""
+        """Count misses; remove landmarks with more misses than observations, and return which, shape (k,)."""
         self.misses[landmarks[missed]] += 1
         removed = self.misses[landmarks] > self.observations[landmarks]
         self.key_frames[landmarks[removed]] = REMOVED
         return removed
 
     def merge(self, kept: int, other: int) -> None:
-        """Take two landmarks for one."""
+        """Merge two landmarks: ``kept`` takes the counts of ``other``, and its anchor if that is newer."""
         self._sums[kept] += self._sums[other]
         self.observations[kept] += self.observations[other]
         self.misses[kept] += self.misses[other]

@@ -50,7 +50,7 @@ class BackEnd(Protocol):
         ...
 
     def merge(self, kept: int, other: int) -> None:
-        """Take two landmarks for one: later and earlier observations of the other count for the one that is kept."""
+        """Merge two landmarks: earlier and later observations of ``other`` become observations of ``kept``."""
         ...
 
     def update(self) -> None:

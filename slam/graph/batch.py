@@ -6,23 +6,11 @@ import gtsam
 import numpy as np
 from gtsam.symbol_shorthand import L, X
 from numpy.typing import NDArray
-from scipy.special import chdtri
 
 from features.se2 import Array
 from slam.graph.factors import closure_factor, empty_tree
+from slam.graph.rules import GraphRules
 from slam.graph.values import Closure, GraphEstimate
-
-CLOSURE_GATE = float(chdtri(3, 1e-4))
-"""What leaving a closure out takes off twice the cost of all else, beyond which the rest contradicts it (eq. M50)."""
-
-LEAST_SUSPICIOUS = 4.0
-"""Squared Mahalanobis distance of a closure from the solution up to which it is not suspected."""
-
-MOST_SUSPECTS = 20
-"""Closures, those that fit worst, whose doubts are weighed against each other."""
-
-COARSE, FINE = 1e-4, 1e-6
-"""Relative change of the cost with which a solve ends, while closures are judged and at last."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -33,11 +21,13 @@ class Problem:
     ----------
     graph, guess : of GTSAM.
     landmarks : indices of those that it holds, rising, shape (m,).
+    rules : when a closure is revoked, and how exactly the graph is solved.
     """
 
     graph: gtsam.NonlinearFactorGraph
     guess: gtsam.Values
     landmarks: NDArray[np.int64]
+    rules: GraphRules
 
     def solve(self, closures: list[Closure], max_iterations: int) -> GraphEstimate:
         """Solve with the closures that the rest does not contradict.
@@ -47,20 +37,21 @@ class Problem:
         RuntimeError
             The graph does not determine its unknowns.
         """
+        rules, gate = self.rules, self.rules.closure_gate
         closures = list(closures)
         revoked: list[Closure] = []
-        fit = _fit(self.graph, closures, self.guess, max_iterations, COARSE)
-        while suspects := _suspects(fit, closures):
-            # What several suspects feign together, the worst of them may not tell alone.
-            leaving = _contradicted(fit, closures, suspects)
+        fit = _fit(self.graph, closures, self.guess, max_iterations, rules.coarse)
+        while suspects := _suspects(fit, closures, rules.suspicious**2, rules.most_suspects):
+            # Wrong closures may support each other: leaving out the worst one alone may hardly lower the cost.
+            leaving = _contradicted(fit, closures, suspects, fit.tree(rules.relinearize), gate)
             left = [closure for k, closure in enumerate(closures) if k not in leaving]
-            without = _fit(self.graph, left, fit.values, max_iterations, COARSE)
-            if fit.cost - without.cost <= CLOSURE_GATE:
+            without = _fit(self.graph, left, fit.values, max_iterations, rules.coarse)
+            if fit.cost - without.cost <= gate:
                 break
             revoked += [closures[k] for k in leaving]
             fit, closures = without, left
-        fit = _fit(self.graph, closures, fit.values, max_iterations, FINE)
-        tree = fit.tree()
+        fit = _fit(self.graph, closures, fit.values, max_iterations, rules.fine)
+        tree = fit.tree(rules.relinearize)
         covs = [tree.marginalCovariance(L(landmark)) for landmark in self.landmarks.tolist()]
         return GraphEstimate(
             poses_world_robot=np.ascontiguousarray(gtsam.utilities.extractPose2(fit.values).reshape(-1, 3)),
@@ -79,7 +70,7 @@ class Problem:
         RuntimeError
             The graph does not determine its unknowns.
         """
-        tree = _Fit(_with_closures(self.graph, closures), self.guess, 0.0, True).tree()
+        tree = _Fit(_with_closures(self.graph, closures), self.guess, 0.0, True).tree(self.rules.relinearize)
         return np.array([tree.marginalCovariance(X(key)) for key in key_frames.tolist()]).reshape(-1, 3, 3)
 
     def distances2(self, closures: list[Closure], pairs: NDArray[np.int64], variances: Array) -> Array:
@@ -90,7 +81,7 @@ class Problem:
         RuntimeError
             The graph does not determine its unknowns.
         """
-        tree = _Fit(_with_closures(self.graph, closures), self.guess, 0.0, True).tree()
+        tree = _Fit(_with_closures(self.graph, closures), self.guess, 0.0, True).tree(self.rules.relinearize)
         apart = np.hstack([np.eye(2), -np.eye(2)])
         found = np.empty(len(pairs))
         for k, pair in enumerate(pairs.tolist()):
@@ -110,8 +101,8 @@ class _Fit:
     cost: float
     converged: bool
 
-    def tree(self) -> gtsam.ISAM2:
-        tree = empty_tree(relinearize_skip=1)
+    def tree(self, relinearize: float) -> gtsam.ISAM2:
+        tree = empty_tree(relinearize, relinearize_skip=1)
         tree.update(self.graph, self.values)  # pyright: ignore[reportUnknownMemberType]  # GTSAM leaves arguments untyped
         return tree
 
@@ -129,7 +120,7 @@ def _fit(
     params = gtsam.LevenbergMarquardtParams()
     params.setMaxIterations(max_iterations)
     params.setRelativeErrorTol(end)
-    # QR: a long way without a loop leaves information that differs by more than Cholesky's squared numbers hold.
+    # QR, as a long chain without loops is ill-conditioned, and Cholesky would square the condition number.
     params.setLinearSolverType("MULTIFRONTAL_QR")
     graph = _with_closures(graph, closures)
     optimizer = gtsam.LevenbergMarquardtOptimizer(graph, guess, params)
@@ -137,21 +128,21 @@ def _fit(
     return _Fit(graph, values, 2.0 * optimizer.error(), optimizer.iterations() < max_iterations)
 
 
-def _suspects(fit: _Fit, closures: list[Closure]) -> list[int]:
-    """Closures that fit badly, the worst first."""
+def _suspects(fit: _Fit, closures: list[Closure], least: float, most: int) -> list[int]:
+    """Closures at a squared distance beyond the ``least``, the worst first, at ``most`` so many."""
     first = fit.graph.size() - len(closures)
     distances2 = [2.0 * fit.graph.at(first + k).error(fit.values) for k in range(len(closures))]
-    worst = np.argsort(np.negative(distances2), kind="stable")[:MOST_SUSPECTS].tolist()
-    return [k for k in worst if distances2[k] > LEAST_SUSPICIOUS]
+    worst = np.argsort(np.negative(distances2), kind="stable")[:most].tolist()
+    return [k for k in worst if distances2[k] > least]
 
 
-def _contradicted(fit: _Fit, closures: list[Closure], suspects: list[int]) -> list[int]:
-    """Suspects that the rest contradicts by a linear reckoning, the worst first; the worst of all where none is."""
+def _contradicted(fit: _Fit, closures: list[Closure], suspects: list[int], tree: gtsam.ISAM2, gate: float) -> list[int]:
+    """Suspects that the rest contradicts in the linearised graph, worst first; the worst suspect if there is none."""
     first = fit.graph.size() - len(closures)
     linear = [fit.graph.at(first + k).linearize(fit.values) for k in suspects]
     ends = [(X(closures[k].older), X(closures[k].newer)) for k in suspects]
     keys = sorted({key for pair in ends for key in pair})
-    cov = fit.tree().jointMarginalCovariance(keys).fullMatrix()
+    cov = tree.jointMarginalCovariance(keys).fullMatrix()
     jacobian = np.zeros((len(suspects), 3, len(keys), 3))
     misfit = np.empty((len(suspects), 3))
     for row, (factor, pair) in enumerate(zip(linear, ends, strict=True)):
@@ -159,7 +150,7 @@ def _contradicted(fit: _Fit, closures: list[Closure], suspects: list[int]) -> li
         for of, key in enumerate(pair):
             jacobian[row, :, keys.index(key)] = by_both[:, 3 * of : 3 * of + 3]
     flat = jacobian.reshape(3 * len(suspects), 3 * len(keys))
-    return [suspects[row] for row in outliers(misfit.ravel(), flat @ cov @ flat.T, CLOSURE_GATE)]
+    return [suspects[row] for row in outliers(misfit.ravel(), flat @ cov @ flat.T, gate)]
 
 
 def outliers(misfit: Array, cov: Array, gate: float) -> list[int]:

@@ -9,13 +9,10 @@ from gtsam.symbol_shorthand import L, X
 from features.se2 import Array, Pose, rotation
 from slam.graph.values import Closure
 
-ANCHOR_SIGMAS = np.array([1e-4, 1e-4, 1e-5])
-"""The first key frame defines the world frame; its prior is tight enough not to show in any covariance [m, m, rad]."""
 
-
-def anchor_factor(pose_world_robot: Pose) -> gtsam.PriorFactorPose2:
-    """First key frame, where it defines the world frame."""
-    return gtsam.PriorFactorPose2(X(0), gtsam.Pose2(*pose_world_robot), gtsam.noiseModel.Diagonal.Sigmas(ANCHOR_SIGMAS))
+def anchor_factor(pose_world_robot: Pose, sigmas: Array) -> gtsam.PriorFactorPose2:
+    """First key frame, where it defines the world frame, with sigmas of its pose, shape (3,)."""
+    return gtsam.PriorFactorPose2(X(0), gtsam.Pose2(*pose_world_robot), gtsam.noiseModel.Diagonal.Sigmas(sigmas))
 
 
 def odometry_factor(key: int, motion: Pose, cov: Array) -> gtsam.BetweenFactorPose2:
@@ -24,7 +21,7 @@ def odometry_factor(key: int, motion: Pose, cov: Array) -> gtsam.BetweenFactorPo
 
 
 def closure_factor(closure: Closure) -> gtsam.BetweenFactorPose2:
-    """Closure with its full weight: a kernel would let a long way of small errors outvote it."""
+    """Loop closure without robust kernel, which would give a right closure after a long drift too little weight."""
     motion = closure.motion
     return gtsam.BetweenFactorPose2(
         X(closure.older), X(closure.newer), gtsam.Pose2(*motion), _noise(motion, closure.cov)
@@ -51,10 +48,16 @@ def _noise(motion: Pose, cov: Array) -> gtsam.noiseModel.Gaussian:
     return gtsam.noiseModel.Gaussian.Covariance(to_end @ cov @ to_end.T)
 
 
-def empty_tree(relinearize_skip: int) -> gtsam.ISAM2:
-    """Tree that is eliminated by QR, iSAM2's and from Python GTSAM's only way to marginals of a long open way."""
+def empty_tree(relinearize: float, relinearize_skip: int) -> gtsam.ISAM2:
+    """Tree that is eliminated by QR, iSAM2's and from Python GTSAM's only way to marginals of a long open way.
+
+    Parameters
+    ----------
+    relinearize : change of a variable with which its factors are linearised anew [m, rad].
+    relinearize_skip : updates from one look at these changes to the next.
+    """
     params = gtsam.ISAM2Params()
     params.setFactorization("QR")
-    params.setRelinearizeThreshold(0.05)  # pyright: ignore[reportUnknownMemberType]  # GTSAM leaves arguments untyped
+    params.setRelinearizeThreshold(relinearize)  # pyright: ignore[reportUnknownMemberType]  # GTSAM leaves arguments untyped
     params.relinearizeSkip = relinearize_skip
     return gtsam.ISAM2(params)

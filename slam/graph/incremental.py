@@ -12,6 +12,7 @@ from features.se2 import Array, Pose, compose, rotation, transform
 from slam.errors import DivergedError
 from slam.graph.batch import Problem
 from slam.graph.factors import anchor_factor, closure_factor, corner_factor, empty_tree, odometry_factor
+from slam.graph.rules import GraphRules
 from slam.graph.values import Closure, GraphEstimate, Observations
 
 logger = logging.getLogger(__name__)
@@ -23,15 +24,17 @@ class LandmarkGraph:
     Parameters
     ----------
     cauchy_scale : residual, in sigmas, where the robust kernel halves the weight of a corner observation.
+    rules : when a closure is revoked, where the graph is fixed, and how exactly it is solved.
     """
 
-    def __init__(self, cauchy_scale: float) -> None:
+    def __init__(self, cauchy_scale: float, rules: GraphRules = GraphRules()) -> None:  # noqa: B008, frozen
+        self._rules = rules
         self._kernel = gtsam.noiseModel.mEstimator.Cauchy.Create(cauchy_scale)
         self._odometry = gtsam.NonlinearFactorGraph()
         self._observations: list[Observations] = []
         self._closures: list[Closure] = []
         self._merged_into: dict[int, int] = {}
-        self._isam: gtsam.ISAM2 | None = empty_tree(relinearize_skip=10)
+        self._isam: gtsam.ISAM2 | None = empty_tree(rules.relinearize, rules.relinearize_skip)
         self._new_factors = gtsam.NonlinearFactorGraph()
         self._new_values = gtsam.Values()
         self._seen_once: dict[int, tuple[int, Array, Array]] = {}
@@ -63,7 +66,7 @@ class LandmarkGraph:
 
         Parameters
         ----------
-        pose_world_robot : pose of the first one; where the others lie is told by their motion.
+        pose_world_robot : pose of the first key frame; ignored for later ones, which start from their motions.
         motion, motion_cov : pose in the frame of the key frame before, shape (3,), and the covariance of its
             coordinates, shape (3, 3); not used for the first one.
         observations : corners seen from it.
@@ -71,7 +74,7 @@ class LandmarkGraph:
         key = len(self)
         if key == 0:
             pose = pose_world_robot
-            factor = anchor_factor(pose)
+            factor = anchor_factor(pose, self._rules.anchor_sigmas)
         else:
             pose = compose(self.poses_world_robot[-1], motion)
             factor = odometry_factor(key, motion, motion_cov)
@@ -84,7 +87,7 @@ class LandmarkGraph:
             self._observe(key, self.resolve(landmark), position, cov)
 
     def _observe(self, key: int, landmark: int, position: Array, cov: Array) -> None:
-        """Hand an observation to the incremental solve, the first of a landmark together with the second."""
+        """Add an observation to the factors for iSAM2; the first one of a landmark is withheld until the second."""
         if landmark not in self._placed:
             if landmark not in self._seen_once:
                 self._seen_once[landmark] = key, position, cov
@@ -102,7 +105,7 @@ class LandmarkGraph:
         self._closed = True
 
     def merge(self, kept: int, other: int) -> None:
-        """Take two landmarks for one: what is known of the other counts for the one that is kept."""
+        """Merge two landmarks: all observations of ``other`` become observations of ``kept``."""
         self._merged_into[other] = kept
 
     def resolve(self, landmark: int) -> int:
@@ -181,9 +184,9 @@ class LandmarkGraph:
 
         Parameters
         ----------
-        estimate : of :meth:`optimize`, with nothing told since.
+        estimate : of :meth:`optimize`, with no key frame or merge added since.
         pairs : landmarks of it, shape (k, 2).
-        variances : in x and y, by which each pair may be apart beyond the error of the solution, shape (k,) [m^2].
+        variances : added in x and y to the covariance of each difference, shape (k,) [m^2].
 
         Raises
         ------
@@ -228,7 +231,7 @@ class LandmarkGraph:
         return landmarks[counts >= 2]
 
     def _problem(self) -> Problem:
-        """Return all that was told but closures, to be solved from the estimate so far."""
+        """Return the graph of all factors but the closures, with the current estimate as initial values."""
         landmarks = self._determined()
         held = set(landmarks.tolist())
         graph = gtsam.NonlinearFactorGraph(self._odometry)
@@ -244,7 +247,7 @@ class LandmarkGraph:
                 if not guess.exists(name):
                     guess.insert(name, known.atPoint2(name) if known.exists(name) else transform(pose, position))
                 graph.add(corner_factor(key, landmark, position, cov, self._kernel))
-        return Problem(graph, guess, landmarks)
+        return Problem(graph, guess, landmarks, self._rules)
 
 
 def _each(observations: Observations) -> Iterator[tuple[int, Array, Array]]:

@@ -1,32 +1,38 @@
-"""A graph that can be kept in a file: as the journal of what it was told."""
+"""A factor graph that can be pickled: as the journal of the calls that built it."""
 
 from typing import Any
 
 from features.se2 import Array, Pose
 from slam.graph.incremental import LandmarkGraph
+from slam.graph.rules import GraphRules
 from slam.graph.values import Closure, Observations
 
 
 class JournaledGraph(LandmarkGraph):
-    """Graph that is pickled as what it was told, and told it again when it is read back.
+    """Factor graph that is pickled as a journal of its method calls, which are replayed when it is unpickled.
 
-    The state of iSAM2 cannot be written exactly; told the same in the same order it becomes the same.
+    The state of iSAM2 cannot be serialised exactly, but the same calls in the same order reproduce it.
 
     Parameters
     ----------
-    cauchy_scale : residual, in sigmas, where the robust kernel halves the weight of a corner observation.
-    journal : names and arguments of calls that are made at once.
+    cauchy_scale, rules : of :class:`LandmarkGraph`.
+    journal : names and arguments of the calls that the constructor replays.
     """
 
-    def __init__(self, cauchy_scale: float, journal: tuple[tuple[str, Any], ...] = ()) -> None:
-        super().__init__(cauchy_scale)
+    def __init__(
+        self,
+        cauchy_scale: float,
+        rules: GraphRules = GraphRules(),  # noqa: B008, frozen
+        journal: tuple[tuple[str, Any], ...] = (),
+    ) -> None:
+        super().__init__(cauchy_scale, rules)
         self._cauchy_scale = cauchy_scale
         self._journal: list[tuple[str, Any]] = []
         for name, arguments in journal:
             getattr(self, name)(*arguments)
 
     def __reduce__(self) -> tuple[type, tuple[Any, ...]]:
-        return JournaledGraph, (self._cauchy_scale, tuple(self._journal))
+        return JournaledGraph, (self._cauchy_scale, self._rules, tuple(self._journal))
 
     def add_key_frame(
         self, pose_world_robot: Pose, motion: Pose, motion_cov: Array, observations: Observations

@@ -1,4 +1,4 @@
-"""Which landmarks a whole run has seen: many hypotheses side by side, each a filter of its own (Reid 1979)."""
+"""Multi-hypothesis data association of a whole run, one EKF per hypothesis (Reid 1979)."""
 
 import math
 from collections.abc import Sequence
@@ -11,20 +11,9 @@ from features.feature import Corners
 from features.se2 import Array, Pose
 from slam.filter.ekf import POSE_DIM
 from slam.graph.multi_hypothesis_kernel import branch, move, score
+from slam.graph.rules import MultiHypothesisRules
 
 Indices = NDArray[np.int64]
-
-MOST_HYPOTHESES = 100
-"""Kept after an observation, those of the greatest likelihood."""
-
-PRUNING_MARGIN = 15.0
-"""Log-likelihood by which a hypothesis may stand behind the best one and still turn out right."""
-
-MEMORY = 10
-"""Observations after which hypotheses that took them for the same landmarks differ in nothing that is still open."""
-
-NEW_DENSITY = 1e-5
-"""Likelihood of an observation of a landmark that is not known yet, in any place [1/m^2]."""
 
 ROOM = 16
 """Landmarks that there is room for at first."""
@@ -37,7 +26,7 @@ class Sighting:
     Parameters
     ----------
     motion, motion_cov : pose in the frame of the key frame before, shape (3,), and the covariance of its coordinates,
-        shape (3, 3); of the first one nothing that is used.
+        shape (3, 3); ignored for the first one.
     points_robot : points without signature, robot frame.
     """
 
@@ -46,10 +35,15 @@ class Sighting:
     points_robot: Corners
 
 
-def most_likely(pose_world_robot: Pose, cov: Array, sightings: Sequence[Sighting]) -> list[Indices]:
+def most_likely(
+    pose_world_robot: Pose,
+    cov: Array,
+    sightings: Sequence[Sighting],
+    rules: MultiHypothesisRules = MultiHypothesisRules(),  # noqa: B008, frozen
+) -> list[Indices]:
     """Landmark of each observation by the most likely of the hypotheses.
 
-    Whether an observation is a landmark near by or one beside it often shows only by what is seen later. Each
+    Often only later observations decide which of two neighbouring landmarks was observed. Each
     observation is therefore taken for each landmark that it may be, and for a new one; of these hypotheses the likely
     ones go on (eq. M60). Two observations of one moment are two landmarks.
 
@@ -57,6 +51,7 @@ def most_likely(pose_world_robot: Pose, cov: Array, sightings: Sequence[Sighting
     ----------
     pose_world_robot, cov : first pose, shape (3,), and its covariance, shape (3, 3).
     sightings : one after the other.
+    rules : how many hypotheses are kept for how long.
 
     Returns
     -------
@@ -66,7 +61,8 @@ def most_likely(pose_world_robot: Pose, cov: Array, sightings: Sequence[Sighting
     states, covs, counts = np.zeros((1, size)), np.zeros((1, size, size)), np.zeros(1, np.int64)
     states[0, :POSE_DIM], covs[0, :POSE_DIM, :POSE_DIM] = pose_world_robot, cov
     scores = np.zeros(1)
-    latest = np.full((1, MEMORY), -1)
+    latest = np.full((1, rules.memory), -1)
+    new = math.log(rules.new_density)
     steps: list[tuple[Indices, Indices]] = []
     for index, sighting in enumerate(sightings):
         if index > 0:
@@ -76,8 +72,8 @@ def most_likely(pose_world_robot: Pose, cov: Array, sightings: Sequence[Sighting
             if counts.max() == taken.shape[1]:
                 states, covs, taken = _more_room(states, covs, taken)
             seen = np.ascontiguousarray(position), np.ascontiguousarray(position_cov)
-            likelihoods = scores[:, None] + score(states, covs, counts, taken, *seen, math.log(NEW_DENSITY))
-            parents, landmarks = _best(likelihoods, counts, latest)
+            likelihoods = scores[:, None] + score(states, covs, counts, taken, *seen, new)
+            parents, landmarks = _best(likelihoods, counts, latest, rules.margin, rules.most_hypotheses)
             scores = likelihoods[parents, landmarks]
             scores -= scores[0]
             states, covs, counts = branch(states, covs, counts, parents, landmarks, *seen)
@@ -88,14 +84,14 @@ def most_likely(pose_world_robot: Pose, cov: Array, sightings: Sequence[Sighting
     return _backtrack(steps, [len(sighting.points_robot) for sighting in sightings])
 
 
-def _best(likelihoods: Array, counts: Indices, latest: Indices) -> tuple[Indices, Indices]:
+def _best(likelihoods: Array, counts: Indices, latest: Indices, margin: float, most: int) -> tuple[Indices, Indices]:
     """Parents and landmarks of the hypotheses that go on, the most likely first; of those alike the likelier one."""
     order = np.argsort(-likelihoods, axis=None, kind="stable")
     values = likelihoods.ravel()[order]
-    order = order[values >= values[0] - PRUNING_MARGIN]
+    order = order[values >= values[0] - margin]
     parents, landmarks = np.divmod(order, likelihoods.shape[1])
     alike = np.column_stack([np.maximum(counts[parents], landmarks + 1), landmarks, latest[parents, :-1]])
-    first = np.sort(np.unique(alike, axis=0, return_index=True)[1])[:MOST_HYPOTHESES]
+    first = np.sort(np.unique(alike, axis=0, return_index=True)[1])[:most]
     return parents[first], landmarks[first]
 
 

@@ -1,5 +1,5 @@
 # pyright: standard
-"""Compiled steps of filters that stand side by side, each with its own belief of which landmark was seen."""
+"""Compiled steps of multi-hypothesis association, on one EKF per hypothesis."""
 
 import math
 

@@ -1,4 +1,4 @@
-"""The solution of the graph of a run, and what is left where it has none."""
+"""The batch solution of the graph of a run, or its incremental estimate if there is no unique solution."""
 
 import logging
 from dataclasses import dataclass
@@ -35,7 +35,7 @@ class Solution:
 
 
 def solve(graph: BackEnd, table: LandmarkTable, max_iterations: int) -> Solution:
-    """Solve a graph; where it has no unique solution, what was known on the way stands, and a warning says so."""
+    """Solve a graph; if it has no unique solution, log a warning and return the incremental estimate."""
     try:
         return Solution(graph, table, graph.optimize(max_iterations))
     except DivergedError as error:

@@ -1,10 +1,9 @@
-"""Loop closing: key frames that show a place again, near by or by its constellation of corners, verified by walls."""
+"""Loop closing: proposals by estimated distance or by constellations of corners, verified by registration to walls."""
 
 import math
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import chi2
 
 from features.feature import Corners
 from features.se2 import Array, Pose, between, compose, inverse
@@ -14,39 +13,43 @@ from slam.loop.dead_reckoning import DeadReckoning
 from slam.loop.geometric_hashing import GeometricHash
 from slam.loop.rules import LoopCounts, LoopRules
 from slam.loop.verification import closure_of, position_sigma, walls_world
-from slam.odometry.registration import Registration, RegistrationRules, register
+from slam.odometry.registration import Registration, register
 from slam.odometry.scan_points import ScanPoints
-
-RULES = RegistrationRules(gate=1.0)
-
-UNKNOWN = np.diag([1.0, 1.0, math.radians(10.0)]) ** 2
-"""Covariance of where a hypothesis puts the robot, in its axes."""
-
-POSSIBLE = float(chi2.ppf(0.9999, 3))
-"""Squared Mahalanobis distance from dead reckoning beyond which a hypothesis is dropped (eq. M51)."""
-
-BLUR = np.diag([0.3, 0.3, math.radians(3.0)]) ** 2
-"""Covariance of a place by its corners, and what dead reckoning does not know of itself."""
-
-BROKEN = 0.3
-"""Standard deviation of a motion beyond which key frames before and after it make no submap [m]."""
 
 
 class LoopCloser:
     """Finds closures of the newest submap.
 
-    One registration may be deceived. Near by, where it would move the newest key frame, the next look has to find the
-    same. A constellation needs several key frames of its submap that fit alike. Nothing is believed that dead
-    reckoning denies: buildings repeat themselves.
+    A single registration may be wrong, as buildings repeat themselves. A closure near the estimated pose therefore has
+    to be confirmed by the next search, one proposed by a constellation needs several supporting key frames, and both
+    have to agree with dead reckoning.
+
+    Parameters
+    ----------
+    apart : path length between two visits of a place [m].
+    reach : distance between key frames that may show the same place [m].
+    share : of the points of a scan those that lie on walls of the submap, at least.
+    rules : what else counts as the same place.
 
     Attributes
     ----------
     counts : what became of the hypotheses.
     """
 
-    def __init__(self, rules: LoopRules) -> None:
+    def __init__(
+        self,
+        *,
+        apart: float,
+        reach: float,
+        share: float,
+        rules: LoopRules = LoopRules(),  # noqa: B008, frozen
+    ) -> None:
         self.counts = LoopCounts()
+        self._apart, self._reach, self._share = apart, reach, share
         self._rules = rules
+        self._possible_gate = rules.possible_gate
+        self._unknown_cov, self._blur_cov = rules.unknown_cov, rules.blur_cov
+        self._systematic_cov = rules.systematic_cov
         self._scans: list[ScanPoints] = []
         self._corners: list[Corners] = []
         self._path_lengths: list[float] = []
@@ -55,7 +58,7 @@ class LoopCloser:
         self._last_search = -math.inf
         self._last_closure = -math.inf
         self._hypothesis: tuple[int, Pose] | None = None
-        self._index = GeometricHash()
+        self._index = GeometricHash(rules.places)
         self._places: list[int] = []
         self._indexed = 0.0
 
@@ -72,12 +75,12 @@ class LoopCloser:
         self._scans.append(scan)
         self._corners.append(corners_robot)
         self._path_lengths.append((self._path_lengths[-1] if self._path_lengths else 0.0) + travel)
-        broken = bool(self._breaks) and np.linalg.eigvalsh(motion_cov[:2, :2])[1] > BROKEN**2
+        broken = bool(self._breaks) and np.linalg.eigvalsh(motion_cov[:2, :2])[1] > self._rules.broken**2
         self._breaks.append((self._breaks[-1] if self._breaks else 0) + broken)
         self._reckoning.add(motion, motion_cov)
 
     def find(self, poses_world_robot: Array) -> list[Closure]:
-        """Closures of the newest submap, given where all key frames are, shape (n, 3); none that is not certain."""
+        """Return verified closures of the newest submap, given the poses of all key frames, shape (n, 3)."""
         newest = len(self._scans) - 1
         if self._path_lengths[newest] - self._last_search < self._rules.spacing:
             return []
@@ -97,26 +100,26 @@ class LoopCloser:
             confirmed = self._hypothesis is not None and self._follows(self._hypothesis, correction, here)
             self._hypothesis = newest, correction
             self.counts.rejected += not confirmed
-            closures = [closure_of(older, newest, poses_world_robot[older], fit)] if confirmed else []
+            closures = (
+                [closure_of(older, newest, poses_world_robot[older], fit, self._systematic_cov)] if confirmed else []
+            )
         if closures:
             self._last_closure = self._path_lengths[newest]
         self.counts.accepted += len(closures)
         return closures
 
     def submap(self, key_frame: int) -> NDArray[np.int64]:
-        """Earlier key frames within two submap lengths of one along the path; none of the present visit."""
-        return self._about(key_frame, 2.0 * self._rules.submap_length)
+        """Earlier key frames near one along the path, whose landmarks become active; none of the present visit."""
+        return self._about(key_frame, self._rules.reactivation)
 
     def _about(self, key_frame: int, reach: float) -> NDArray[np.int64]:
         lengths = np.array(self._path_lengths)
-        return np.flatnonzero(
-            (np.abs(lengths - lengths[key_frame]) <= reach) & (lengths < lengths[-1] - self._rules.apart)
-        )
+        return np.flatnonzero((np.abs(lengths - lengths[key_frame]) <= reach) & (lengths < lengths[-1] - self._apart))
 
     def _follows(self, hypothesis: tuple[int, Pose], correction: Pose, here: Pose) -> bool:
-        """Whether a correction puts the robot where the look before did, and that one is not long ago."""
+        """Whether a correction agrees with that of the previous search, and the path since then is short."""
         searched, earlier = hypothesis
-        recent = self._path_lengths[-1] - self._path_lengths[searched] <= 4.0 * self._rules.spacing
+        recent = self._path_lengths[-1] - self._path_lengths[searched] <= self._rules.memory
         return recent and self._agree(compose(earlier, here), compose(correction, here))
 
     def _agree(self, one: Pose, other: Pose) -> bool:
@@ -133,7 +136,7 @@ class LoopCloser:
         lengths = np.array(self._path_lengths)
         here = poses_world_robot[newest]
         apart = np.hypot(*(poses_world_robot[:newest, :2] - here[:2]).T)
-        near = np.flatnonzero((lengths[:newest] < lengths[newest] - rules.apart) & (apart < rules.reach))
+        near = np.flatnonzero((lengths[:newest] < lengths[newest] - self._apart) & (apart < self._reach))
         best: tuple[int, Registration] | None = None
         while near.size:
             nearest = int(near[apart[near].argmin()])
@@ -156,9 +159,7 @@ class LoopCloser:
         here = self._unbroken(newest, np.flatnonzero(lengths > lengths[newest] - self._rules.constellation))
         corners = self._constellation(newest, here, poses_world_robot)
         places = np.array(self._places, np.int64)
-        proposals = self._index.propose(
-            corners, self._rules.corners, lambda hits, poses: self._possible(places[hits], poses)
-        )
+        proposals = self._index.propose(corners, lambda hits, poses: self._possible(places[hits], poses))
         self.counts.proposed_by_corners += len(proposals)
         verified: list[tuple[Pose, list[Closure]]] = []
         for proposal in proposals:
@@ -178,7 +179,7 @@ class LoopCloser:
     def _supporters(
         self, older: int, newest: int, start: Pose, poses_world_robot: Array
     ) -> tuple[Pose, list[Closure]] | None:
-        """Pose of the newest key frame, and closures by those of its submap that fit a place alike (eq. M54)."""
+        """Pose of the newest key frame and closures by its supporting key frames; None if too few (eq. M54)."""
         rules = self._rules
         submap = self._unbroken(older, self._about(older, rules.constellation))
         walls = walls_world(self._scans, submap, poses_world_robot)
@@ -203,37 +204,39 @@ class LoopCloser:
         if len(agreed) < rules.supporters:
             return None
         _, _, pose = max(agreed, key=lambda each: each[1].share)
-        return pose, [closure_of(older, key, poses_world_robot[older], fit) for key, fit, _ in agreed]
+        return pose, [
+            closure_of(older, key, poses_world_robot[older], fit, self._systematic_cov) for key, fit, _ in agreed
+        ]
 
     def _remember_places(self, poses_world_robot: Array) -> None:
-        """Index the passages that are far enough behind to be seen again."""
+        """Add to the index the submaps that lie far enough behind along the path to be revisited."""
         rules = self._rules
         lengths = np.array(self._path_lengths)
-        while self._indexed + rules.constellation < lengths[-1] - rules.apart:
+        while self._indexed + rules.constellation < lengths[-1] - self._apart:
             keys = np.flatnonzero((lengths >= self._indexed) & (lengths <= self._indexed + rules.constellation))
             if keys.size:
                 middle = int(keys[keys.size // 2])
                 keys = self._unbroken(middle, keys)
                 self._index.add(self._constellation(middle, keys, poses_world_robot))
                 self._places.append(middle)
-            self._indexed += rules.constellation / 3.0
+            self._indexed += rules.constellation / rules.overlap
 
     def _unbroken(self, home: int, key_frames: NDArray[np.int64]) -> NDArray[np.int64]:
-        """Key frames whose place relative to one of them is known well."""
+        """Key frames that no increment of large covariance separates from ``home``."""
         return key_frames[np.array(self._breaks)[key_frames] == self._breaks[home]]
 
     def _constellation(self, home: int, key_frames: NDArray[np.int64], poses_world_robot: Array) -> Constellation:
         """Corners that key frames saw, in the frame of one of them."""
         keys: list[int] = key_frames.tolist()
         poses_home_robot = [between(poses_world_robot[home], poses_world_robot[key]) for key in keys]
-        return collect_constellation(poses_home_robot, [self._corners[key] for key in keys])
+        return collect_constellation(poses_home_robot, [self._corners[key] for key in keys], self._rules.places)
 
     def _fit(self, key_frame: int, walls: Array, start: Pose) -> Registration:
-        return register(self._scans[key_frame], walls, start, UNKNOWN, start, RULES)
+        return register(self._scans[key_frame], walls, start, self._unknown_cov, start, self._rules.registration)
 
     def _certain(self, fit: Registration) -> bool:
-        return fit.share >= self._rules.share and position_sigma(fit) <= self._rules.sigma
+        return fit.share >= self._share and position_sigma(fit) <= self._rules.sigma
 
     def _possible(self, older: NDArray[np.int64], motions: Array) -> NDArray[np.bool_]:
         """Whether dead reckoning allows for motions of the newest key frame from older ones, shapes (h,) and (h, 3)."""
-        return self._reckoning.distances2(older, motions, BLUR) <= POSSIBLE
+        return self._reckoning.distances2(older, motions, self._blur_cov) <= self._possible_gate

@@ -1,6 +1,5 @@
 """Constellations of corners: the corners of a submap, and how one constellation lies on another."""
 
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
@@ -10,12 +9,7 @@ from numpy.typing import NDArray
 from features.feature import Corners
 from features.se2 import Array, Pose, align, transform, wrap_angle
 from features.signature import Signatures, alike
-
-SAME_DISTANCE = 0.3
-"""Corners of one submap that are nearer than this, of one kind and signature, are one [m]."""
-
-SAME_ANGLE = math.radians(25.0)
-"""How far orientations and opening angles of one corner may differ [rad]."""
+from slam.loop.rules import PlaceRules
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -35,23 +29,29 @@ class Constellation:
         return len(self.positions)
 
 
-def collect_constellation(poses: Sequence[Pose], corners: Sequence[Corners]) -> Constellation:
+def collect_constellation(
+    poses: Sequence[Pose],
+    corners: Sequence[Corners],
+    rules: PlaceRules = PlaceRules(),  # noqa: B008, frozen
+) -> Constellation:
     """Put corners that were seen from several poses together.
 
     Parameters
     ----------
     poses : of the robot, in the frame of the constellation.
     corners : seen from each pose, robot frame.
+    rules : which corners are one.
     """
     placed = list(zip(poses, corners, strict=True))
     positions = np.concatenate([transform(pose, each.positions) for pose, each in placed])
     signatures = Signatures.concatenate([each.signatures.turned(pose[2]) for pose, each in placed])
-    return _merged(Constellation(positions, replace(signatures, orientations=wrap_angle(signatures.orientations))))
+    signatures = replace(signatures, orientations=wrap_angle(signatures.orientations))
+    return _merged(Constellation(positions, signatures), rules)
 
 
-def _merged(seen: Constellation) -> Constellation:
+def _merged(seen: Constellation, rules: PlaceRules) -> Constellation:
     """Mean of the sightings of each corner, in the order of the first ones."""
-    same_corner = _same(seen, seen, SAME_DISTANCE)
+    same_corner = _same(seen, seen, rules.same_distance, rules.same_angle)
     openings, orientations = seen.signatures.opening_angles, seen.signatures.orientations
     left = np.ones(len(seen), np.bool_)
     firsts: list[int] = []
@@ -72,15 +72,18 @@ def _merged(seen: Constellation) -> Constellation:
     return Constellation(np.array(positions).reshape(-1, 2), signatures)
 
 
-def _same(one: Constellation, other: Constellation, distance: float) -> NDArray[np.bool_]:
+def _same(one: Constellation, other: Constellation, distance: float, angle: float) -> NDArray[np.bool_]:
     """Which corners of one may be which of the other, given in the same frame, shape (n, m)."""
     apart = one.positions[:, None] - other.positions
     near = np.hypot(apart[..., 0], apart[..., 1]) <= distance
-    return near & alike(one.signatures[:, None], other.signatures, SAME_ANGLE, SAME_ANGLE)
+    return near & alike(one.signatures[:, None], other.signatures, angle, angle)
 
 
 def fit_constellation(
-    here: Constellation, there: Constellation, pose_there_here: Pose, distance: float
+    here: Constellation,
+    there: Constellation,
+    pose_there_here: Pose,
+    rules: PlaceRules = PlaceRules(),  # noqa: B008, frozen
 ) -> tuple[Pose, int]:
     """Register a constellation to another by the corners that coincide (eq. M53).
 
@@ -88,16 +91,16 @@ def fit_constellation(
     ----------
     here, there : the constellations.
     pose_there_here : initial guess, shape (3,).
-    distance : how far apart two sightings of a corner may lie [m].
+    rules : how far two sightings of a corner may differ, and how often the fit is made.
 
     Returns
     -------
     Pose of the frame here in the frame there, shape (3,), and the number of corners that coincide.
     """
     count = 0
-    for _ in range(2):
+    for _ in range(rules.fits):
         moved = Constellation(transform(pose_there_here, here.positions), here.signatures.turned(pose_there_here[2]))
-        pairs = _pairs(moved, there, distance)
+        pairs = _pairs(moved, there, rules.corner_tolerance, rules.same_angle)
         if len(pairs) < max(count, 2):
             break
         count = len(pairs)
@@ -105,10 +108,10 @@ def fit_constellation(
     return pose_there_here, count
 
 
-def _pairs(one: Constellation, other: Constellation, distance: float) -> NDArray[np.int64]:
+def _pairs(one: Constellation, other: Constellation, distance: float, angle: float) -> NDArray[np.int64]:
     """Corners of one and of the other that are mutually nearest among those alike, shape (k, 2)."""
     apart = np.where(
-        _same(one, other, distance),
+        _same(one, other, distance, angle),
         np.linalg.norm(one.positions[:, None] - other.positions, axis=2),
         np.inf,
     )

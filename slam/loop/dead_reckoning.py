@@ -1,4 +1,4 @@
-"""How far odometry may have drifted between two key frames, whatever a graph has made of them since."""
+"""Dead reckoning between key frames with its covariance, independent of any correction by the graph."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -33,7 +33,7 @@ class DeadReckoning:
         self._sums = np.concatenate([self._sums, total[None]])
 
     def distances2(self, older: NDArray[np.int64], motions: Array, cov: Array) -> Array:
-        """Squared Mahalanobis distances of motions up to the newest key frame from what odometry says of them.
+        """Squared Mahalanobis distances of motions up to the newest key frame from those by dead reckoning.
 
         Parameters
         ----------
@@ -57,6 +57,6 @@ class DeadReckoning:
 
 
 def _about_origin(pose: Pose) -> Array:
-    """Motion of the world about its origin that a change of the coordinates of a pose amounts to, shape (3, 3)."""
+    """Jacobian of the motion about the origin with respect to the coordinates of a pose, shape (3, 3)."""
     x, y, _ = pose
     return np.array([[1.0, 0.0, y], [0.0, 1.0, -x], [0.0, 0.0, 1.0]])

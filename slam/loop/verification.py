@@ -1,4 +1,4 @@
-"""Whether a scan shows the walls of a place seen before, and what that says of where the two were taken."""
+"""Verification of a loop closure by registration to the walls of a submap, and the closure with its covariance."""
 
 import math
 from collections.abc import Sequence
@@ -11,9 +11,6 @@ from slam.graph.values import Closure
 from slam.odometry.line_map import NORMAL_X, NORMAL_Y, WALL_X, WALL_Y
 from slam.odometry.registration import Registration
 from slam.odometry.scan_points import ScanPoints
-
-SYSTEMATIC = np.diag([0.005, 0.005, math.radians(0.125)]) ** 2
-"""Covariance that two registrations of the same place share: walls that are not straight, things that were moved."""
 
 
 def walls_world(scans: Sequence[ScanPoints], key_frames: NDArray[np.int64], poses_world_robot: Array) -> Array:
@@ -44,11 +41,15 @@ def position_sigma(fit: Registration) -> float:
     return 1.0 / math.sqrt(least) if least > 0.0 else math.inf
 
 
-def closure_of(older: int, newer: int, pose_world_older: Pose, fit: Registration) -> Closure:
-    """Closure that a registration of the newer key frame to the walls about the older one makes (eq. M48)."""
+def closure_of(older: int, newer: int, pose_world_older: Pose, fit: Registration, systematic_cov: Array) -> Closure:
+    """Closure that a registration of the newer key frame to the walls about the older one makes (eq. M48).
+
+    ``systematic_cov``, shape (3, 3), is of the errors that all registrations of a place share: walls that are not
+    straight, things that were moved.
+    """
     motion = between(pose_world_older, fit.pose_map_robot)
     motion[2] = wrap_angle(float(motion[2]))
     turn = np.eye(3)
     turn[:2, :2] = rotation(float(pose_world_older[2])).T
-    cov = turn @ np.linalg.inv(fit.information) @ turn.T + SYSTEMATIC
+    cov = turn @ np.linalg.inv(fit.information) @ turn.T + systematic_cov
     return Closure(older, newer, motion, cov)

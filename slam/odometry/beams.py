@@ -4,7 +4,7 @@
 import math
 
 import numpy as np
-from numba import f8
+from numba import f8, i8
 from numpy.typing import NDArray
 
 from features.compiled import READ_ONLY, kernel
@@ -13,25 +13,27 @@ from features.scan import LaserScan
 from features.se2 import TWO_PI, Array, Pose
 from features.sensor import SensorModel
 from slam.odometry.line_map import LENGTH, NORMAL_X, NORMAL_Y, WALL_X, WALL_Y
+from slam.odometry.rules import BeamRules
 from slam.odometry.scan_points import ScanPoints, beams_on_wall, pseudo_angles
 
-SEEN_THROUGH = 0.3
-"""How far behind a landmark or a wall a beam has to end to have gone through [m]."""
 
-BEAMS_BESIDE = 2
-"""Beams on either side of a landmark that all have to go through its place."""
-
-
-def seen_through(scan: LaserScan, sensor: SensorModel, points_robot: Array) -> NDArray[np.bool_]:
+def seen_through(
+    scan: LaserScan,
+    sensor: SensorModel,
+    points_robot: Array,
+    rules: BeamRules = BeamRules(),  # noqa: B008, frozen
+) -> NDArray[np.bool_]:
     """Whether every beam next to a point ends well behind it, so that nothing is there, shape (n,)."""
     if not len(scan):
         return np.zeros(len(points_robot), np.bool_)
     points_sensor = sensor.mounting.points_to_sensor(points_robot)
-    return _seen_through(scan.ranges, scan.angles, sensor.range_min, sensor.range_max, points_sensor)
+    return _seen_through(
+        scan.ranges, scan.angles, sensor.range_min, sensor.range_max, points_sensor, rules.behind, rules.beside
+    )
 
 
-@kernel(READ_ONLY, READ_ONLY, f8, f8, f8[:, ::1])
-def _seen_through(ranges, angles, range_min, range_max, points):
+@kernel(READ_ONLY, READ_ONLY, f8, f8, f8[:, ::1], f8, i8)
+def _seen_through(ranges, angles, range_min, range_max, points, behind, each_side):
     angles = angles % TWO_PI
     order = np.argsort(angles, kind="mergesort")
     angles = angles[order]
@@ -40,18 +42,23 @@ def _seen_through(ranges, angles, range_min, range_max, points):
         distance = math.hypot(points[k, 0], points[k, 1])
         bearing = math.atan2(points[k, 1], points[k, 0]) % TWO_PI
         at = np.searchsorted(angles, bearing)
-        for beside in range(at - BEAMS_BESIDE, at + BEAMS_BESIDE):
+        for beside in range(at - each_side, at + each_side):
             beam = beside % angles.size
             reach = ranges[order[beam]]
             returned = is_return(reach, range_min, range_max)
             # A gap in the scan, such as behind a sensor that does not look all round, shows nothing.
             off = distance * abs((angles[beam] - bearing + math.pi) % TWO_PI - math.pi)
-            if not (returned and reach > distance + SEEN_THROUGH and off < SEEN_THROUGH):
+            if not (returned and reach > distance + behind and off < behind):
                 through[k] = False
     return through
 
 
-def beams_through_walls(scan: ScanPoints, walls: Array, pose_map_robot: Pose) -> int:
+def beams_through_walls(
+    scan: ScanPoints,
+    walls: Array,
+    pose_map_robot: Pose,
+    rules: BeamRules = BeamRules(),  # noqa: B008, frozen
+) -> int:
     """Count the beams of a scan that, from a pose, would have gone through a wall.
 
     A beam that ends before a wall says nothing against the pose: something new may stand there.
@@ -61,13 +68,14 @@ def beams_through_walls(scan: ScanPoints, walls: Array, pose_map_robot: Pose) ->
     scan : points, robot frame.
     walls : that were seen before, map frame, shape (m, WALL_FIELDS).
     pose_map_robot : shape (3,).
+    rules : how far behind a wall a beam has to end.
     """
     mounting = scan.sensor.mounting
-    return _beams_through_walls(scan.points, mounting.x, mounting.y, walls, pose_map_robot)
+    return _beams_through_walls(scan.points, mounting.x, mounting.y, walls, pose_map_robot, rules.behind)
 
 
-@kernel(f8[:, ::1], f8, f8, f8[:, ::1], f8[::1])
-def _beams_through_walls(points, origin_x, origin_y, walls, pose):
+@kernel(f8[:, ::1], f8, f8, f8[:, ::1], f8[::1], f8)
+def _beams_through_walls(points, origin_x, origin_y, walls, pose, behind):
     n = len(points)
     directions = pseudo_angles(points, origin_x, origin_y)
     c = math.cos(pose[2])
@@ -89,6 +97,6 @@ def _beams_through_walls(points, origin_x, origin_y, walls, pose):
             x = c * points[i, 0] - s * points[i, 1] - base_x
             y = s * points[i, 0] + c * points[i, 1] - base_y
             before = wall[NORMAL_X] * x + wall[NORMAL_Y] * y
-            on[i] |= abs(before) < 0.5 * SEEN_THROUGH
-            beyond[i] |= before < -SEEN_THROUGH
+            on[i] |= abs(before) < 0.5 * behind
+            beyond[i] |= before < -behind
     return (beyond & ~on).sum()

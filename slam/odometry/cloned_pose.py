@@ -1,5 +1,5 @@
 # pyright: standard
-"""A pose that drifts, how far its error reaches, and the motion since earlier moments."""
+"""Stochastic cloning: a drifting pose, its clones at earlier moments, and the motion since each with covariance."""
 
 import math
 
@@ -12,7 +12,7 @@ from features.se2_kernels import compound
 
 
 class ClonedPose:
-    """Pose of the robot in a frame that nothing ties to the world but the way driven.
+    """Pose of the robot in a frame that drifts against the world, with clones of earlier poses.
 
     Parameters
     ----------
@@ -22,7 +22,7 @@ class ClonedPose:
     ----------
     pose : pose of the robot now, shape (3,).
     cov : covariance of its error, shape (3, 3).
-    finite : pose and covariance are.
+    finite : whether pose and covariance are finite.
     """
 
     def __init__(self, pose_map_robot: Pose) -> None:
@@ -34,7 +34,7 @@ class ClonedPose:
         self._crosses: Array = np.empty((0, 3, 3))
 
     def clone(self) -> "PoseClone":
-        """Remember this moment, to tell the motion since."""
+        """Clone the current pose, to get the motion since then with its covariance."""
         self._poses = np.concatenate([self._poses, self.pose[None]])
         self._covs = np.concatenate([self._covs, self.cov[None]])
         self._crosses = np.concatenate([self._crosses, self.cov[None]])
@@ -45,11 +45,11 @@ class ClonedPose:
         self.pose, self.cov, self.finite = compound(self.pose, self.cov, self._crosses, motion, motion_cov)
 
     def inflate(self, slip: Array) -> None:
-        """Allow for a slip since the anchors, shape (3,), that nothing foresaw, as large as it turned out (eq. M32)."""
+        """Enlarge the covariance by the outer product of an unmodelled slip since the clones, shape (3,) (eq. M32)."""
         self.cov = self.cov + np.outer(slip, slip)
 
     def correct(self, information: Array, pull: Array) -> None:
-        """Take in what a scan says of the pose, and so of the anchors (eq. M31).
+        """Update the pose, and by its cross-covariances the clones, with the information of a registration (eq. M31).
 
         Parameters
         ----------
@@ -61,7 +61,7 @@ class ClonedPose:
         self.pose[2] = wrap_angle(float(self.pose[2]))
 
     def reset(self, index: int) -> None:
-        """Move an anchor to this moment."""
+        """Replace a clone by the current pose."""
         self._poses[index] = self.pose
         self._covs[index] = self._crosses[index] = self.cov
 
@@ -80,14 +80,14 @@ class ClonedPose:
 
 
 class PoseClone:
-    """A moment of a :class:`ClonedPose`, to be had from :meth:`ClonedPose.anchor`; knows the motion since."""
+    """A clone of the pose at one moment, made by :meth:`ClonedPose.clone`; gives the motion since."""
 
     def __init__(self, drifting: ClonedPose, index: int) -> None:
         self._drifting = drifting
         self._index = index
 
     def reset(self) -> None:
-        """Move the anchor to this moment."""
+        """Replace the clone by the current pose."""
         self._drifting.reset(self._index)
 
     @property

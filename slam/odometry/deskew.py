@@ -17,7 +17,7 @@ def deskew(scan: LaserScan, model: SensorModel, pose_world_robot: Pose, poses_wo
     ----------
     scan : as it was taken, sensor frame.
     model : its limits and its mounting; a beam without return keeps its range and turns with the robot.
-    pose_world_robot : where the robot shall have been, shape (3,), any fixed frame [m, m, rad].
+    pose_world_robot : reference pose of the de-skewed scan, shape (3,), any fixed frame [m, m, rad].
     poses_world_robot : where it was at each beam, shape (n, 3), the same frame [m, m, rad].
 
     Returns
@@ -44,10 +44,10 @@ def deskew(scan: LaserScan, model: SensorModel, pose_world_robot: Pose, poses_wo
 def deskew_by_odometry(
     scan: LaserScan, model: SensorModel, stamps: Sequence[float], poses_odom_robot: Sequence[Pose]
 ) -> LaserScan:
-    """Undo the motion that the odometry tells: the scan as taken at once at its last record.
+    """De-skew a scan by odometry: the scan as if taken at the instant of the last record.
 
-    Between two records the robot moves steadily; before the first it stood, and after the last it goes on as between
-    the last two.
+    Between two records the pose is interpolated linearly; before the first it is constant; after the last it is
+    extrapolated with the velocity between the last two.
 
     Parameters
     ----------

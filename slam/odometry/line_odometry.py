@@ -1,10 +1,8 @@
 """Line-aided odometry: each scan is registered to the walls of the recent key frames."""
 
-import math
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.stats import chi2
 
 from features.feature import Lines
 from features.scan import LaserScan
@@ -15,35 +13,10 @@ from slam.odometry.beams import beams_through_walls
 from slam.odometry.cloned_pose import ClonedPose, PoseClone
 from slam.odometry.line_map import LineMap, walls_of_lines
 from slam.odometry.motion_models import ConstantVelocity, WheelMotion
-from slam.odometry.registration import Registration, RegistrationRules, register
+from slam.odometry.registration import Registration, register
+from slam.odometry.rules import LineOdometryRules
 from slam.odometry.scan_points import ScanPoints, scan_points
 from slam.odometry.wheel_calibration import Calibration
-
-RULES = RegistrationRules()
-
-NEAR_RULES = replace(RULES, gate=RULES.final_gate)
-"""For a fit beside the prediction."""
-
-SURE_SHARE = 0.45
-"""Share of its points that lie on known walls with which a scan is sure to fit."""
-
-LEAST_SHARE, MARGIN = 0.3, 0.15
-"""How large this share must be, and how much larger, for another pose to be preferred to that which was predicted."""
-
-PRIOR_GATE = float(chi2.ppf(0.9999, 3))
-"""Squared Mahalanobis distance of the result from the prediction beyond which the scan is believed, not the latter."""
-
-UNKNOWN_MOTION = np.diag([0.3, 0.3, math.radians(20.0)]) ** 2
-"""Covariance of a motion that nothing tells anything of."""
-
-TURNS = np.radians([0.0, -8.0, 8.0, -16.0, 16.0])
-"""Headings beside the predicted one from which a second attempt starts."""
-
-FAR = 0.3
-"""Motion since the last scan beyond which a second attempt starts from there too [m]."""
-
-STATIONARY = np.array([0.005, 0.005, math.radians(0.3)]) ** 2
-"""Variances of a motion that need no scan [m^2, m^2, rad^2]."""
 
 
 @dataclass(slots=True)
@@ -69,10 +42,11 @@ class LineOdometry:
     Parameters
     ----------
     pose_map_robot : first pose, shape (3,); it defines the map frame.
-    motion : what is expected before a scan is looked at.
+    motion : model that predicts the motion before a scan is registered.
     sensor : noise, limits and mounting.
     line_distance : how far a point may lie from the line of its scan [m].
     key_frames : how many key frames the line map keeps.
+    rules : when a scan fits, and what is tried where it does not.
 
     Attributes
     ----------
@@ -86,7 +60,13 @@ class LineOdometry:
         sensor: SensorModel,
         line_distance: float,
         key_frames: int,
+        rules: LineOdometryRules = LineOdometryRules(),  # noqa: B008, frozen
     ) -> None:
+        self._rules = rules
+        # For a fit beside the prediction.
+        self._near_rules = replace(rules.registration, gate=rules.registration.final_gate)
+        self._prediction_gate = rules.prediction_gate
+        self._unknown_cov, self._still_variances = rules.unknown_cov, rules.still_variances
         self._drifting = ClonedPose(pose_map_robot)
         self.counts = RegistrationCounts()
         self._motion = motion
@@ -116,11 +96,11 @@ class LineOdometry:
 
     @property
     def calibration(self) -> Calibration | None:
-        """What the wheels were found to tell wrongly; None without wheels."""
+        """Estimated systematic errors of the wheels; None without wheels."""
         return self._motion.calibration if isinstance(self._motion, WheelMotion) else None
 
     def clone(self) -> PoseClone:
-        """Remember this moment, to tell the motion since."""
+        """Clone the current pose, to get the motion since then with its covariance."""
         return self._drifting.clone()
 
     def predict(self, stamp: float, pose_odom_robot: Pose) -> None:
@@ -138,7 +118,7 @@ class LineOdometry:
     def set_scan(self, scan: LaserScan, lines: Lines) -> ScanPoints:
         """Remember the points of a scan and its lines, sensor frame, without a correction."""
         walls_robot = walls_of_lines(lines, self._sensor.mounting)
-        self._scan = scan_points(scan, walls_robot, self._sensor, self._line_distance)
+        self._scan = scan_points(scan, walls_robot, self._sensor, self._line_distance, self._rules.surfaces)
         return self._scan
 
     def register(self, stamp: float, scan: LaserScan, lines: Lines) -> ScanPoints:
@@ -155,11 +135,11 @@ class LineOdometry:
 
     @property
     def _stationary(self) -> bool:
-        """Whether the motion since the last correction is known better than a scan could tell.
+        """Whether the motion since the last correction is known better than a scan could determine it.
 
-        From the same place the errors of the walls are the same: to average over them would be to believe them.
+        Scans from one place share the errors of the walls: averaging over them would make the covariance too small.
         """
-        return bool((self._since_correction.motion_cov.diagonal() < STATIONARY).all())
+        return bool((self._since_correction.motion_cov.diagonal() < self._still_variances).all())
 
     def add_key_frame(self) -> None:
         """Put the walls of the latest scan on the line map."""
@@ -168,16 +148,16 @@ class LineOdometry:
         self._map.add(self._scan.walls_robot, self._drifting.pose)
 
     def _match(self, scan: ScanPoints) -> Registration | None:
-        """Register a scan; where it does not fit what is predicted, as if nothing were known of the motion."""
-        drifting = self._drifting
-        fit = register(scan, self._map.walls, drifting.pose, drifting.cov, drifting.pose, RULES)
+        """Register a scan with the prediction as prior; if it does not fit, with a wide prior."""
+        drifting, rules = self._drifting, self._rules
+        fit = register(scan, self._map.walls, drifting.pose, drifting.cov, drifting.pose, rules.registration)
         beside = self._beside(scan, fit)
-        if fit.share < SURE_SHARE:
+        if fit.share < rules.sure_share:
             self.counts.second_attempts += 1
             other, origin = self._match_anywhere(scan)
             if self._fits_better(scan, other, beside):
                 self.counts.predictions_rejected += 1
-                drifting.move(between(drifting.pose, origin), UNKNOWN_MOTION)
+                drifting.move(between(drifting.pose, origin), self._unknown_cov)
                 fit = other
             elif fit is not beside:
                 self.counts.failed += 1
@@ -185,12 +165,12 @@ class LineOdometry:
         elif fit is not beside:
             slip = _change(fit, drifting.pose)
             slipped = drifting.cov + np.outer(slip, slip)
-            fit = register(scan, self._map.walls, drifting.pose, slipped, fit.pose_map_robot, RULES)
-            if beside is not None and beside.share >= max(SURE_SHARE, fit.share):
+            fit = register(scan, self._map.walls, drifting.pose, slipped, fit.pose_map_robot, rules.registration)
+            if beside is not None and beside.share >= max(rules.sure_share, fit.share):
                 fit = beside
             else:
                 drifting.inflate(slip)
-                if fit.share < SURE_SHARE:
+                if fit.share < rules.sure_share:
                     self.counts.failed += 1
                     return None
                 self.counts.predictions_rejected += 1
@@ -198,37 +178,42 @@ class LineOdometry:
         return fit
 
     def _beside(self, scan: ScanPoints, fit: Registration) -> Registration | None:
-        """Fit that the prediction allows for: the one there is, or one to the walls next to it; None for neither."""
+        """Registration inside the gate of the prediction: ``fit``, else one with a narrow gate; None if neither is."""
         drifting = self._drifting
-        if _distance2(fit, drifting.pose) <= PRIOR_GATE:
+        if _distance2(fit, drifting.pose) <= self._prediction_gate:
             return fit
-        near = register(scan, self._map.walls, drifting.pose, drifting.cov, drifting.pose, NEAR_RULES)
-        return near if _distance2(near, drifting.pose) <= PRIOR_GATE else None
+        near = register(scan, self._map.walls, drifting.pose, drifting.cov, drifting.pose, self._near_rules)
+        return near if _distance2(near, drifting.pose) <= self._prediction_gate else None
 
     def _fits_better(self, scan: ScanPoints, other: Registration, beside: Registration | None) -> bool:
-        """Whether a scan shows that the robot is elsewhere than predicted.
+        """Whether the registration away from the prediction is better than the one near it.
 
-        Much of it may lie on walls where places look alike, and little where the robot sees new ones. Walls that beams
-        would have gone through tell the two apart.
+        The share alone misleads: it is high at a similar place, and low where walls are new. The better pose must also
+        have fewer beams that pass through known walls.
         """
         share, here = (0.0, self._drifting.pose) if beside is None else (beside.share, beside.pose_map_robot)
-        if other.share < max(LEAST_SHARE, share + MARGIN):
+        if other.share < max(self._rules.least_share, share + self._rules.margin):
             return False
-        walls = self._map.walls
-        return beams_through_walls(scan, walls, other.pose_map_robot) < beams_through_walls(scan, walls, here)
+        walls, beams = self._map.walls, self._rules.beams
+        through = beams_through_walls(scan, walls, other.pose_map_robot, beams)
+        return through < beams_through_walls(scan, walls, here, beams)
 
     def _match_anywhere(self, scan: ScanPoints) -> tuple[Registration, Pose]:
-        """Best of the fits from here and from where the last scan was, and which of the two it is."""
-        cov = self._drifting.cov + UNKNOWN_MOTION
+        """Best registration with a wide prior at the current pose or that of the last scan, and the prior pose."""
+        rules = self._rules
+        cov = self._drifting.cov + self._unknown_cov
         origins = [self._drifting.pose]
-        if self._since_scan.travel > FAR:
+        if self._since_scan.travel > rules.far:
             origins.append(compose(self._drifting.pose, inverse(self._since_scan.motion)))
         tries = [
-            (register(scan, self._map.walls, origin, cov, origin + np.array([0.0, 0.0, turn]), RULES), origin)
+            (
+                register(scan, self._map.walls, origin, cov, origin + np.array([0.0, 0.0, turn]), rules.registration),
+                origin,
+            )
             for origin in origins
-            for turn in TURNS
+            for turn in rules.headings
         ]
-        return max(tries, key=lambda attempt: attempt[0].share * (_distance2(*attempt) <= PRIOR_GATE))
+        return max(tries, key=lambda attempt: attempt[0].share * (_distance2(*attempt) <= self._prediction_gate))
 
 
 def _change(fit: Registration, prior: Pose) -> Array:

@@ -1,4 +1,4 @@
-"""What is expected of a motion before a scan is looked at, and how far it can be trusted."""
+"""Motion models: the motion predicted before a scan is registered, and its covariance."""
 
 import math
 from dataclasses import dataclass
@@ -7,6 +7,7 @@ import numpy as np
 
 from features.se2 import Array, Pose, between, pose, wrap_angle
 from slam.odometry.cloned_pose import PoseClone
+from slam.odometry.rules import CalibrationRules, VelocityRules
 from slam.odometry.wheel_calibration import Calibration, WheelCalibration
 
 
@@ -37,16 +38,21 @@ class OdometryModel:
 
 
 class WheelMotion:
-    """Motion as the wheels report it, without what scans have shown to be wrong in it.
+    """Motion by the wheels, corrected by the calibration of their systematic errors.
 
     Parameters
     ----------
     model : of their errors.
+    rules : how their systematic errors are learned.
     """
 
-    def __init__(self, model: OdometryModel) -> None:
+    def __init__(
+        self,
+        model: OdometryModel,
+        rules: CalibrationRules = CalibrationRules(),  # noqa: B008, frozen
+    ) -> None:
         self._model = model
-        self._calibration = WheelCalibration()
+        self._calibration = WheelCalibration(rules)
         self._pose_odom_robot: Pose | None = None
 
     def step(self, stamp: float, pose_odom_robot: Pose) -> tuple[Pose, Array]:
@@ -58,7 +64,7 @@ class WheelMotion:
         return self._calibration.correct(motion, cov), cov
 
     def learn(self, stamp: float, since: PoseClone) -> bool:
-        """Learn what the wheels always tell wrongly; False where the motion was too short."""
+        """Update the wheel calibration; False where the motion was too short."""
         return self._calibration.learn(since)
 
     @property
@@ -67,30 +73,29 @@ class WheelMotion:
         return self._calibration.calibration
 
 
-FORGET = 0.05
-"""Weight of the latest interval in what is known of the intervals of a scanner."""
-
-GAP = 1.0
-"""A longer interval between scans is a gap, and counts for no more than this [s]."""
-
-FASTEST = 3.0
-"""A velocity beyond so many sigmas is that of a wrong stamp or scan, not of a robot: nothing is known then."""
-
-
 class ConstantVelocity:
-    """Motion without any odometry: the velocity goes on, changes at random and dies away (eq. M34).
+    """Motion without odometry: the velocity is an Ornstein-Uhlenbeck process (eq. M34).
 
     Parameters
     ----------
     speed, turn_rate : sigma of the velocity of a robot of which nothing is known, in x and y [m/s] and about z [rad/s].
     speed_change, turn_rate_change : sigma of its change within one second [m/s], [rad/s].
+    rules : what is taken for an irregular stamp, and for a wrong one.
     """
 
-    def __init__(self, speed: float, turn_rate: float, speed_change: float, turn_rate_change: float) -> None:
+    def __init__(
+        self,
+        speed: float,
+        turn_rate: float,
+        speed_change: float,
+        turn_rate_change: float,
+        rules: VelocityRules = VelocityRules(),  # noqa: B008, frozen
+    ) -> None:
+        self._rules = rules
         sigma = np.array([speed, speed, turn_rate])
         change = np.array([speed_change, speed_change, turn_rate_change])
         self._variance = sigma**2
-        # Of the velocity's memory; what changes by q within a second then varies by q T / 2 in the long run.
+        # Correlation time T of the velocity: with noise of spectral density q its stationary variance is q T / 2.
         self._memory = 2.0 * (sigma / change) ** 2
         self._count = 0
         self._interval = 0.0
@@ -140,14 +145,14 @@ class ConstantVelocity:
         velocity_cov = np.outer(kept, kept) * self._velocity_cov + np.diag(self._variance * (1.0 - kept**2))
         velocity_cov += gain @ (since.motion_cov - cov) @ gain.T
         self._velocity_cov = 0.5 * (velocity_cov + velocity_cov.T)
-        if (self._velocity**2 + np.diag(velocity_cov) > FASTEST**2 * self._variance).any():
+        if (self._velocity**2 + np.diag(velocity_cov) > self._rules.fastest**2 * self._variance).any():
             self._velocity, self._velocity_cov = np.zeros(3), np.diag(self._variance)
         return True
 
     def _time(self, elapsed: float) -> None:
         """Learn how irregular the stamps are: a scanner turns steadily, so its intervals should all be alike."""
         self._count += 1
-        weight = max(FORGET, 1.0 / self._count)
-        off = min(elapsed, GAP) - self._interval
+        weight = max(self._rules.weight, 1.0 / self._count)
+        off = min(elapsed, self._rules.gap) - self._interval
         self._interval += weight * off
         self._jitter2 = (1.0 - weight) * (self._jitter2 + weight * off**2)

@@ -1,5 +1,5 @@
 # pyright: standard
-"""The compiled part of a registration: walls laid on beams, and information and gradient of the pose."""
+"""The compiled part of a registration: association of beams with walls, information and gradient of the pose."""
 
 import math
 
@@ -10,12 +10,6 @@ from features.compiled import inner, kernel
 from slam.odometry.line_map import CENTER, LENGTH, NORMAL_X, NORMAL_Y, VAR_ANGLE, VAR_OFFSET, WALL_X, WALL_Y
 from slam.odometry.scan_points import beams_on_wall, pseudo_angles
 
-NEAREST = 0.05
-"""A sensor nearer to the line of a wall than this does not see it [m]."""
-
-LEAST_FACING = 0.5
-"""Cosine of the angle between a wall and the surface at a point of no line up to which the point may lie on it."""
-
 SUMS = {"reassoc", "contract", "arcp", "nsz"}
 """Freedom for the compiler in sums; NaN and infinity keep their meaning."""
 
@@ -25,7 +19,7 @@ WEIGHT, JACOBIAN_X, JACOBIAN_Y, JACOBIAN_TURN, RESIDUAL, CERTAINTY = range(6)
 
 @inner()
 def _remove_spurious_information(information, pull, crookedness2):
-    """Take off what walls of slightly different directions feign to know of the position along them (eq. M30)."""
+    """Remove the spurious information on the position along nearly parallel walls of erroneous directions (eq. M30)."""
     if information[2, 2] <= 0.0:
         return
     # With the heading that is best for each position; what is left is of the position alone.
@@ -54,10 +48,10 @@ def _remove_spurious_information(information, pull, crookedness2):
 
 @inner(fastmath=SUMS, forceinline=True)
 def _associate_walls(
-    points, directions, lines, normals, origin_x, origin_y, walls, pose, gate, reach, var_scatter, cos_turn, turned,
-    beams, knowledge,
+    points, directions, lines, normals, origin_x, origin_y, walls, pose, gate, reach, nearest, var_scatter,
+    kernel2, cos_turn, cos_surface_turn, turned, beams, knowledge,
 ):  # fmt: skip
-    """Sum up, for each beam, the walls behind it, and for each line of the scan what the walls know of it (eq. M28)."""
+    """Sum the weighted walls of each beam, and the information of the walls on each line of the scan (eq. M28)."""
     beams[:] = 0.0
     knowledge[:] = 0.0
     n = directions.size
@@ -78,7 +72,7 @@ def _associate_walls(
         arm_x = base_x - sensor_x
         arm_y = base_y - sensor_y
         # A wall has one face.
-        if normal_x * arm_x + normal_y * arm_y > -NEAREST:
+        if normal_x * arm_x + normal_y * arm_y > -nearest:
             continue
         half = 0.5 * walls[k, LENGTH] + reach
         lever = normal_y * base_x - normal_x * base_y
@@ -96,12 +90,12 @@ def _associate_walls(
                 continue
             line = lines[i]
             facing = normal_x * turned[i, 2] + normal_y * turned[i, 3]
-            if facing < (cos_turn if line >= 0 else LEAST_FACING):
+            if facing < (cos_turn if line >= 0 else cos_surface_turn):
                 continue
             arm = turning - lever_center
             variance = walls[k, VAR_OFFSET] + walls[k, VAR_ANGLE] * arm * arm
-            # A Cauchy kernel of two sigmas, times the inverse of its variance.
-            weight = 4.0 / (4.0 * (variance + var_scatter) + residual * residual)
+            # The Cauchy kernel, times the inverse of the variance.
+            weight = kernel2 / (kernel2 * (variance + var_scatter) + residual * residual)
             robust = weight * (variance + var_scatter)
             beams[i, WEIGHT] += weight
             beams[i, JACOBIAN_X] += weight * normal_x
@@ -119,9 +113,9 @@ def _associate_walls(
 @inner(fastmath=SUMS, forceinline=True)
 def _accumulate(
     points, ranges, lines, origin_x, origin_y, beams, knowledge, heading, var_range, var_bearing, var_rough, spread,
-    kernel2, sums, information, gradient,
+    kernel2, inlier2, sums, information, gradient,
 ):  # fmt: skip
-    """Fill information and gradient at the pose where the walls were laid; return the number of inliers (eq. M29)."""
+    """Fill information and gradient at the pose of the wall association; return the number of inliers (eq. M29)."""
     information[:] = 0.0
     gradient[:] = 0.0
     sums[:] = 0.0
@@ -147,7 +141,7 @@ def _accumulate(
         wall = 0.0 if line >= 0 else 1.0 / beams[i, CERTAINTY]
         allowed = variance + wall + spread
         robust = 1.0 / (1.0 + residual * residual / (kernel2 * allowed))
-        if residual * residual < 9.0 * allowed:
+        if residual * residual < inlier2 * allowed:
             inliers += 1
         if line < 0:
             _add(information, gradient, by_x, by_y, by_turn, robust / (variance + wall), residual)
@@ -216,12 +210,12 @@ def _add(information, gradient, by_x, by_y, by_turn, weight, residual):
 @kernel(
     f8[:, ::1], f8[::1], i8[::1], f8[:, ::1], f8[:, ::1], f8, f8, f8, f8, f8[:, ::1], f8[::1],
     f8[:, ::1], f8[::1], f8, f8, f8, f8, f8, f8, f8, f8,
-    f8, i8, fastmath=SUMS,
+    f8, f8, f8, f8, f8, f8, i8, fastmath=SUMS,
 )  # fmt: skip
 def register_kernel(
     points, ranges, lines, normals, walls_robot, origin_x, origin_y, var_range, var_bearing, walls, prior,
-    prior_cov, start, gate, final_gate, reach, var_scatter, var_rough, kernel2, cos_turn, crookedness2,
-    step_limit2, max_iterations,
+    prior_cov, start, gate, final_gate, narrowing, gate_sigmas2, reach, nearest, var_scatter, var_rough, kernel2,
+    inlier2, cos_turn, cos_surface_turn, crookedness2, step_limit2, max_iterations,
 ):  # fmt: skip
     """Fit a scan to walls; return pose, information, pull and the number of points on a wall (eq. M27-M31)."""
     n = ranges.size
@@ -237,15 +231,15 @@ def register_kernel(
     inliers = 0
     for _ in range(max_iterations):
         last = gate <= final_gate
-        # A wide gate takes in what a good start would not: the wider it is, the less a residual says.
-        spread = 0.0 if last else gate * gate / 16.0
+        # A wide gate admits wrong pairs: its variance is added to that of each residual.
+        spread = 0.0 if last else gate * gate / gate_sigmas2
         _associate_walls(
-            points, directions, lines, normals, origin_x, origin_y, walls, pose, gate, reach,
-            max(var_scatter, spread), cos_turn, turned, beams, knowledge,
+            points, directions, lines, normals, origin_x, origin_y, walls, pose, gate, reach, nearest,
+            max(var_scatter, spread), kernel2, cos_turn, cos_surface_turn, turned, beams, knowledge,
         )  # fmt: skip
         inliers = _accumulate(
             points, ranges, lines, origin_x, origin_y, beams, knowledge, pose[2], var_range, var_bearing, var_rough,
-            spread, kernel2, sums, information, gradient,
+            spread, kernel2, inlier2, sums, information, gradient,
         )  # fmt: skip
         offset = pose - prior
         offset[2] = (offset[2] + math.pi) % (2.0 * math.pi) - math.pi
@@ -256,5 +250,5 @@ def register_kernel(
         pose = prior + moved
         if last and step @ information @ step < step_limit2:
             break
-        gate = max(final_gate, 0.6 * gate)
+        gate = max(final_gate, narrowing * gate)
     return pose, information, pull, inliers

@@ -14,15 +14,7 @@ from features.scan import LaserScan
 from features.se2 import TWO_PI, Array
 from features.sensor import SensorModel
 from slam.odometry.line_map import LENGTH, NORMAL_X, NORMAL_Y, WALL_X, WALL_Y
-
-BESIDE = 0.1
-"""How far on either side points tell the direction of a surface [m]."""
-
-SAME_SURFACE = 0.15
-"""Neighbours farther apart than this do not lie on one surface [m]."""
-
-LEAST_LENGTH = 0.08
-"""A surface shorter than this has no direction that could be told [m]."""
+from slam.odometry.rules import SurfaceRules
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -36,7 +28,7 @@ class ScanPoints:
     bearings : directions from the sensor in the axes of the robot, rising, shape (n,), in [-pi, pi) [rad].
     lines : index of the line of the scan that each point belongs to, -1 for none, shape (n,).
     normals : of the surface at each point, robot frame, towards the sensor, shape (n, 2): that of its line, else by the
-        points beside it; NaN where these tell nothing.
+        points beside it; NaN where these determine none.
     walls_robot : lines of the scan as walls, robot frame, shape (L, WALL_FIELDS).
     sensor : noise of a beam and mounting.
     """
@@ -53,7 +45,13 @@ class ScanPoints:
         return self.ranges.size
 
 
-def scan_points(scan: LaserScan, walls_robot: Array, sensor: SensorModel, distance: float) -> ScanPoints:
+def scan_points(
+    scan: LaserScan,
+    walls_robot: Array,
+    sensor: SensorModel,
+    distance: float,
+    rules: SurfaceRules = SurfaceRules(),  # noqa: B008, frozen
+) -> ScanPoints:
     """Points of a scan, with the line of each.
 
     Parameters
@@ -62,17 +60,19 @@ def scan_points(scan: LaserScan, walls_robot: Array, sensor: SensorModel, distan
     walls_robot : lines of the scan as walls, robot frame, shape (L, WALL_FIELDS).
     sensor : limits, noise and mounting.
     distance : how far a point may lie from the line that it belongs to [m].
+    rules : for the normals at points that belong to no line.
     """
     mounting = sensor.mounting
     points, ranges, bearings, lines, normals = _points_kernel(
         scan.ranges, scan.angles, sensor.range_min, sensor.range_max, mounting.x, mounting.y, mounting.theta,
-        -1.0 if mounting.upside_down else 1.0, walls_robot, distance,
+        -1.0 if mounting.upside_down else 1.0, walls_robot, distance, rules.beside, rules.same_surface,
+        rules.least_length,
     )  # fmt: skip
     return ScanPoints(points, ranges, bearings, lines, normals, walls_robot, sensor)
 
 
 @inner()
-def _normals(points, lines, walls_robot, origin_x, origin_y):
+def _normals(points, lines, walls_robot, origin_x, origin_y, beside, same_surface, least_length):
     n = len(points)
     normals = np.full((n, 2), np.nan)
     for i in range(n):
@@ -82,14 +82,14 @@ def _normals(points, lines, walls_robot, origin_x, origin_y):
             continue
         # As far along the surface as it goes on, for the noise to matter little.
         first = last = i
-        while first > 0 and _near(points, first, first - 1, SAME_SURFACE) and _near(points, i, first, BESIDE):
+        while first > 0 and _near(points, first, first - 1, same_surface) and _near(points, i, first, beside):
             first -= 1
-        while last < n - 1 and _near(points, last, last + 1, SAME_SURFACE) and _near(points, i, last, BESIDE):
+        while last < n - 1 and _near(points, last, last + 1, same_surface) and _near(points, i, last, beside):
             last += 1
         x = points[last, 0] - points[first, 0]
         y = points[last, 1] - points[first, 1]
         length = math.hypot(x, y)
-        if length < LEAST_LENGTH:
+        if length < least_length:
             continue
         sense = 1.0 if (points[i, 0] - origin_x) * y - (points[i, 1] - origin_y) * x < 0.0 else -1.0
         normals[i, 0] = sense * y / length
@@ -156,9 +156,10 @@ def _insertion_index(directions, direction, after_equal):
     return place
 
 
-@kernel(READ_ONLY, READ_ONLY, f8, f8, f8, f8, f8, f8, f8[:, ::1], f8)
+@kernel(READ_ONLY, READ_ONLY, f8, f8, f8, f8, f8, f8, f8[:, ::1], f8, f8, f8, f8)
 def _points_kernel(
-    scan_ranges, scan_angles, range_min, range_max, origin_x, origin_y, yaw, sense, walls_robot, distance
+    scan_ranges, scan_angles, range_min, range_max, origin_x, origin_y, yaw, sense, walls_robot, distance, beside,
+    same_surface, least_length,
 ):  # fmt: skip
     kept = is_return(scan_ranges, range_min, range_max)
     ranges = scan_ranges[kept]
@@ -188,4 +189,5 @@ def _points_kernel(
             residual = normal_x * (points[i, 0] - origin_x - arm_x) + normal_y * (points[i, 1] - origin_y - arm_y)
             if abs(residual) <= distance:
                 lines[i] = k
-    return points, ranges, bearings, lines, _normals(points, lines, walls_robot, origin_x, origin_y)
+    normals = _normals(points, lines, walls_robot, origin_x, origin_y, beside, same_surface, least_length)
+    return points, ranges, bearings, lines, normals

@@ -1,26 +1,12 @@
-"""What wheels always tell wrongly, learned from the motion that scans show."""
+"""Calibration of the systematic errors of the wheels by the motion between registered scans."""
 
-import math
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.stats import chi2
 
 from features.se2 import Array, Pose, wrap_angle
 from slam.odometry.cloned_pose import ClonedPose, PoseClone
-
-UNCALIBRATED = np.diag([0.05, 0.05, math.radians(2.0)]) ** 2
-"""Covariance of the calibration of wheels of which nothing is known."""
-
-TRAVEL, TURN = 1.0, 1.0
-"""Travel [m] and turn [rad] that are compared at once: on less, chance errors of the scans weigh more."""
-
-SLIPPED = float(chi2.ppf(0.99, 3))
-"""Squared Mahalanobis distance of a motion from what the wheels say beyond which they have slipped."""
-
-
-LEAST_GAIN = 0.01
-"""Share of the variance that scans must have taken off, for a motion to be known from them and not from the wheels."""
+from slam.odometry.rules import CalibrationRules
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,11 +26,18 @@ class Calibration:
 
 
 class WheelCalibration:
-    """Learns the systematic errors of wheels, stretch by stretch (eq. M62, M63)."""
+    """Learns the systematic errors of wheels, stretch by stretch (eq. M62, M63).
 
-    def __init__(self) -> None:
+    Parameters
+    ----------
+    rules : what is known before, how long a stretch is and what is left out.
+    """
+
+    def __init__(self, rules: CalibrationRules = CalibrationRules()) -> None:  # noqa: B008, frozen
+        self._rules = rules
+        self._slip_gate = rules.slip_gate
         self._state = np.zeros(3)
-        self._information: Array = np.linalg.inv(UNCALIBRATED)
+        self._information: Array = np.asarray(np.linalg.inv(rules.first_cov), np.float64)
         self._wheels = ClonedPose(np.zeros(3))
         self._since = self._wheels.clone()
 
@@ -59,14 +52,14 @@ class WheelCalibration:
         return np.asarray(np.linalg.inv(self._information), np.float64)
 
     def correct(self, motion: Pose, cov: Array) -> Pose:
-        """Motion without what is known to be wrong in it, of a reported motion with its covariance."""
+        """Correct a reported motion, given its covariance, for the systematic errors estimated so far."""
         left_out: Pose = _jacobian(motion) @ self._state
         self._wheels.move(motion + left_out, cov)
         return motion + left_out
 
     def learn(self, since: PoseClone) -> bool:
         """Compare the motion since the last comparison with what the wheels say of it; False where it was too short."""
-        if since.travel < TRAVEL and since.turn < TURN:
+        if since.travel < self._rules.stretch_travel and since.turn < self._rules.stretch_turn:
             return False
         expected, cov = self._since.motion, self._since.motion_cov
         self._since.reset()
@@ -76,12 +69,12 @@ class WheelCalibration:
         change = since.motion - expected
         change[2] = wrap_angle(float(change[2]))
         change = np.linalg.solve(root, change)
-        if change @ change > SLIPPED:
+        if change @ change > self._slip_gate:
             return True
         # By the motion that the scans show: errors of the wheels in the regressor would make the calibration small.
         jacobian = np.linalg.solve(root, _jacobian(since.motion))
         gain, axes = np.linalg.eigh(np.eye(3) - np.linalg.solve(root, np.linalg.solve(root, since.motion_cov).T))
-        shown = gain > LEAST_GAIN
+        shown = gain > self._rules.least_gain
         along = axes[:, shown].T @ jacobian
         self._information = self._information + along.T * gain[shown] @ along
         self._state = self._state + np.linalg.solve(self._information, along.T @ (axes[:, shown].T @ change))

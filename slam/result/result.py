@@ -18,7 +18,7 @@ class SlamResult:
     trajectory : final pose of every record.
     trajectory_online : pose of the filter at each scan, as it was known at the time.
     trajectory_odometry : pose of every record by odometry alone, as configured, without landmarks.
-    wheel_odometry : what the log says of the pose of every record.
+    wheel_odometry : odometry pose of every record from the log.
     landmarks : the map.
     walls : lines seen from the key frames, ends, shape (n, 2, 2) [m].
     points : scan points of the key frames, shape (m, 2) [m].

@@ -118,9 +118,9 @@ class Trajectory:
 def separate_equal_stamps(stamps: Array, poses: Array) -> Array:
     """Give poses that share a stamp times of their own.
 
-    They were taken one after the other, faster than the clock ticks: as fast as in the fullest tick, from the tick
-    before where that has poses, into the next where that has some, and evenly over the tick where both have. A tick is
-    the least time between different stamps thereabouts. Equal poses of one stamp keep it.
+    Such poses were sampled faster than the resolution (tick) of the clock. They are spread over their tick: evenly if
+    both neighbouring ticks have poses, else at the rate of the fullest tick and next to the neighbour that has some.
+    A tick is the least interval between different stamps near by. Equal poses of one stamp keep it.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""A run that was stopped, in one file of its folder, so that it can go on."""
+"""Checkpoints: the state of a stopped run in one file of its folder, from which it is resumed."""
 
 import hashlib
 import io
@@ -49,7 +49,7 @@ class LogPosition:
 
 
 def write_checkpoint(folder: Path, slam: Slam, position: LogPosition) -> None:
-    """Keep a run as it is now; a sudden end leaves the checkpoint before it.
+    """Write the state of a run; if the program is killed meanwhile, the previous checkpoint remains.
 
     Raises
     ------

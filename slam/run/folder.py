@@ -37,7 +37,7 @@ def default_folder(name: str, now: datetime) -> Path:
 
 @contextmanager
 def claimed(folder: Path, *, overwrite: bool) -> Generator[Path]:
-    """Make the folder before a run, so that a run is not lost to it at the end; an empty one goes again on an error.
+    """Create the folder and test that it is writable before a run; on an error remove it again if it is empty.
 
     Raises
     ------

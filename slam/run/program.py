@@ -16,7 +16,7 @@ LIBRARIES = "filterpy", "gtsam", "llvmlite", "numba", "numpy", "scipy"
 
 @functools.cache
 def fingerprint() -> str:
-    """Digest that two computers share if, for the same seed, they are to find the same numbers."""
+    """Digest of sources and library versions; where it is equal, equal seeds give equal results."""
     digest = hashlib.sha256(platform.python_version().encode())
     for library in LIBRARIES:
         digest.update(f"{library} {version(library)}".encode())

@@ -20,7 +20,7 @@ LEAST_INTERVAL_S = 10.0
 """Between two checkpoints [s]."""
 
 LEAST_SHARE = 30.0
-"""How many times as long as writing it took a checkpoint has to be ago before the next."""
+"""Least time between two checkpoints, as a multiple of the time that writing one took."""
 
 
 @dataclass(slots=True)
@@ -29,7 +29,7 @@ class Session:
 
     Parameters
     ----------
-    slam : as it is before the next frame.
+    slam : new, or read from a checkpoint.
     position : the frames that it has processed.
     progress : shows how far the run is.
     folder : where checkpoints go; None for a run that is not kept.
@@ -102,7 +102,7 @@ class Session:
         return True
 
     def _following(self, source: FrameSource) -> Iterator[Frame]:
-        """Frames of the source behind those that were processed, which have to be the same.
+        """Frames of the source after those already processed; these are verified by their digest.
 
         Raises
         ------

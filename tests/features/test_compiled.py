@@ -94,13 +94,13 @@ def test_an_edited_function_of_another_file_is_compiled_into_the_kernel(tmp_path
 def test_what_a_kernel_is_made_of_names_its_folder(tmp_path: Path) -> None:
     shutil.copytree(HERE, tmp_path / "features", ignore=shutil.ignore_patterns("__pycache__"))
 
-    def digest(file: str = "extract.py") -> str:
+    def digest(file: str = "extraction.py") -> str:
         return load(tmp_path / "features" / "compiled.py").digest(tmp_path / "features" / file)
 
     before = digest()
     assert digest() == before
-    assert len({digest("extract.py"), digest("fitting/corner.py"), digest("fitting/fit_kernels.py")}) == 3
-    for name in ("extract", "fitting/fit_kernels", "segmentation/segments", "config", "feature", "se2", "compiled"):
+    assert len({digest("extraction.py"), digest("fitting/corner.py"), digest("fitting/fit_kernels.py")}) == 3
+    for name in ("extraction", "fitting/fit_kernels", "segmentation/segments", "config", "feature", "se2", "compiled"):
         file = tmp_path / "features" / f"{name}.py"
         text = file.read_bytes()
         file.write_bytes(text + b"\nA = 1\n")
@@ -227,6 +227,7 @@ def test_folders_that_nobody_uses_go_when_a_new_one_comes(fresh: Fresh, tmp_path
     assert {used, "other-version"} < folders(tmp_path), "what was in use, if only to be loaded, stays"
 
 
+@pytest.mark.slow
 def test_values_of_the_package_are_there_without_what_is_compiled():
     """On a new machine compiling takes a minute: a command that extracts nothing, such as `devices`, must not wait."""
     code = "import sys, features, drivers, slam.config_file; assert 'numba' not in sys.modules; features.extract"

@@ -142,6 +142,7 @@ def test_odometry_of_the_room_is_poor_for_any_seed(room_runs):
     assert len(set(errors)) == len(errors)
 
 
+@pytest.mark.slow
 def test_odometry_of_the_room_is_good_from_scan_to_scan(room_runs):
     """Within 0.1 s: 15 mm and 1.5 deg at most, which is 5 standard deviations of its noise beside 3 % of scale."""
     for run in room_runs:

@@ -5,14 +5,15 @@ import sys
 from pathlib import Path
 
 import numpy as np
+import pytest
 from emulated import emulated_chunks
 
-from drivers.frame import Frame
+from drivers.frame import Frame, SourceInfo
 from drivers.recording.recorder import Recorder
 from drivers.rplidar import RawRecorder, RevolutionDecoder
 from features.extraction import extract
 from features.scan import LaserScan
-from features.sensor import Mounting, sensor_preset
+from features.sensor import sensor_preset
 from sim import room_run
 
 COMMANDS = """
@@ -20,10 +21,10 @@ import sys
 import numpy as np
 from numba.core.event import RecordingListener, install_listener
 from drivers.frame import Frame, LandmarkObservations
-from slam.cli import main
+from slam.cli.main import main
 from slam.config_file import load_config
 from slam.pipeline import Slam
-import sim, slam.live_view, slam.study.timing
+import sim, slam.pictures.live_view, slam.study.paper.timing
 
 def past_landmarks():
     # Another program has found them and cannot tell them apart.
@@ -47,7 +48,7 @@ print(f"compiled: {[event.data['dispatcher'] for _, event in listener.buffer]}")
 
 
 def record(path: Path, frames: list[Frame]) -> None:
-    with Recorder(path, name="drive", sensor="rplidar-s1", mounting=Mounting()) as recorder:
+    with Recorder(path, SourceInfo("drive", "rplidar-s1")) as recorder:
         for frame in frames:
             recorder.write(frame)
 
@@ -69,10 +70,11 @@ def scans() -> list[Frame]:
     return frames
 
 
+@pytest.mark.slow
 def test_commands_compile_nothing(tmp_path: Path) -> None:
     record(tmp_path / "scans.jsonl.gz", scans())
     stream, chunks = emulated_chunks(seconds=2.0)
-    with Recorder(tmp_path / "raw.jsonl.gz", name="S1", sensor="rplidar-s1", mounting=Mounting(), odometry=False) as to:
+    with Recorder(tmp_path / "raw.jsonl.gz", SourceInfo("S1", "rplidar-s1", has_odometry=False)) as to:
         tap, decoder = RawRecorder(to), RevolutionDecoder(stream)
         tap.begin(stream, 0.0)
         for time, data in chunks:

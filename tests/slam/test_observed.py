@@ -188,6 +188,7 @@ def test_observations_are_checked():
         LandmarkObservations(np.ones(1), np.zeros(1), identities=np.array([-1]))
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(not MRCLAM.is_dir(), reason=f"{MRCLAM} is absent: set CWLF_DATA to the folder of the real logs")
 def test_a_piece_of_mrclam_is_mapped_to_the_survey():
     """The first 160 s see all 15 landmarks."""

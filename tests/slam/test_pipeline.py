@@ -122,6 +122,7 @@ def test_the_mounting_is_honoured(name):
     assert len(corners_misled) <= 0.5 * len(corners)
 
 
+@pytest.mark.slow
 def test_landmark_covariances_are_as_large_as_the_errors():
     """99 % gate over the landmarks of two runs, in the frame of the first pose, which both know."""
     distances2 = []
@@ -356,6 +357,7 @@ def test_a_simulated_run_without_noise_is_exact():
     np.testing.assert_allclose(result.trajectory.poses[:, :2], source.poses_world_robot[:800, :2], atol=1e-3)
 
 
+@pytest.mark.slow
 def test_the_beginning_of_the_intel_log_runs_through():
     path = DATA / "intel-lab.clf.gz"
     if not path.is_file():

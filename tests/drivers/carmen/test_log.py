@@ -434,6 +434,7 @@ def test_anything_gives_frames_or_one_of_our_errors(content):
             assert any(frame.scan is not None for frame in frames) or str(path) in str(error)
 
 
+@pytest.mark.slow
 def test_the_intel_log_is_read_whole_and_sorted(intel_log):
     log = CarmenLog(intel_log)
     frames = list(log)

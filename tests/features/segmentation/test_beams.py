@@ -24,6 +24,7 @@ def gathered(ranges, angles, range_min=0.1, range_max=40.0):
     return kept[0, :n], kept[1, :n], beams[:n], spacing
 
 
+@pytest.mark.slow
 @law
 @given(st.lists(st.floats(-4.0 * math.pi, 4.0 * math.pi), min_size=1, max_size=50))
 def test_points_are_those_of_numpy_to_two_units_in_the_last_place_of_the_range(angles):

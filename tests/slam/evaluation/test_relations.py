@@ -99,6 +99,7 @@ def test_relations_that_no_pose_is_near_are_an_error():
         relations(all_relations(truth, 10), later)
 
 
+@pytest.mark.slow
 def test_the_odometry_of_the_intel_log_has_its_known_error():
     log, truth = DATA / "intel-lab.clf.gz", DATA / "intel-lab.relations"
     if not (log.is_file() and truth.is_file()):

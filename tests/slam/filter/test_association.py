@@ -307,3 +307,15 @@ def test_pairs_hold_together_up_to_chi_square_of_all_their_degrees_of_freedom(co
         assert len(association.corners) == matched
         # Landmark and robot are almost without doubt, to 1e-14 of a square metre.
         assert association.nis == pytest.approx(matched * off2 / count, rel=1e-6)
+
+
+def test_a_scan_may_have_any_number_of_corners():
+    """The gate of six hundred pairs together is that of their degrees of freedom."""
+    side = np.arange(25.0)
+    known = corners(np.stack(np.meshgrid(side, side), axis=-1).reshape(-1, 2)[:600])
+    pairs, new = outcome(known, known, gates())
+    assert pairs == {k: k for k in range(600)}
+    assert new == []
+    limits = gates()
+    for most in (1, 600, 20):
+        assert limits.joint(most)[most] == chi2.ppf(0.99, 2 * most)

@@ -15,11 +15,14 @@ from features.se2 import between, compose, pose, rotation, transform, wrap_angle
 from features.sensor import Mounting, SensorModel
 from slam.filter.association import Gates
 from slam.filter.ekf import predict_corners
-from slam.filter.front_end import MERGE_SIGMA, FrontEnd
+from slam.filter.front_end import FrontEnd
 from slam.filter.landmark_table import ACTIVE, MERGED, REMOVED
-from slam.odometry.beams import SEEN_THROUGH, seen_through
+from slam.filter.rules import FilterRules
+from slam.odometry.beams import seen_through
+from slam.odometry.rules import BeamRules
 
 KEEP = 5.0
+BEHIND = BeamRules().behind
 seeds = st.integers(0, 10_000)
 headings = st.one_of(st.floats(-math.pi, math.pi), st.sampled_from([math.pi, -math.pi]))
 NOWHERE = np.zeros((3, 3))
@@ -30,9 +33,9 @@ unhurried = settings(deadline=None)
 NOTHING = np.empty(0, np.int64)
 
 
-def front_end(first=pose(), cov=1e-6 * np.eye(3), birth_distance=0.5):  # noqa: B008, not written to
+def front_end(first=pose(), cov=1e-6 * np.eye(3), birth_distance=0.5, rules=FilterRules()):  # noqa: B008, not written to
     gates = Gates("joint", 0.99, 0.9999, birth_distance, math.radians(20.0), math.radians(30.0))
-    return FrontEnd(first, cov, gates, KEEP)
+    return FrontEnd(first, cov, gates, KEEP, rules=rules)
 
 
 def resting(seed, heading):
@@ -174,10 +177,10 @@ def test_a_front_end_that_is_put_elsewhere_sees_the_same_landmarks(seed, heading
     )
 
 
-def doubled(seed, heading=0.7):
+def doubled(seed, heading=0.7, rules=FilterRules()):  # noqa: B008, frozen
     """Four landmarks, the first and the last of which are one; correlated by a drive."""
     rng = np.random.default_rng(seed)
-    front = front_end(pose(1.0, 2.0, heading), np.diag([0.1, 0.1, 0.05]) ** 2)
+    front = front_end(pose(1.0, 2.0, heading), np.diag([0.1, 0.1, 0.05]) ** 2, rules=rules)
     positions = np.array([[2.0, 1.0], [3.0, -1.0], [-1.0, 2.0], [2.0, 1.0]])
     positions[3] += rng.normal(0.0, 0.05, 2)
     front.observe(corners(positions))
@@ -186,15 +189,15 @@ def doubled(seed, heading=0.7):
 
 
 @unhurried
-@given(seeds)
-def test_merging_is_an_update_with_the_difference(seed):
+@given(seeds, st.sampled_from([FilterRules().merge_sigma, 0.05]))
+def test_merging_is_an_update_with_the_difference(seed, merge_sigma):
     """Of the dense Gaussian by Bayes' rule in information form, then without the second landmark."""
-    front = doubled(seed)
+    front = doubled(seed, rules=FilterRules(merge_sigma=merge_sigma))
     H = np.zeros((2, 11))
     H[:, 3:5], H[:, 9:11] = np.eye(2), -np.eye(2)
     x, P = front.ekf.x.copy(), front.ekf.P.copy()
-    cov = np.linalg.inv(np.linalg.inv(P) + H.T @ H / MERGE_SIGMA**2)
-    expected = x - cov @ H.T @ (H @ x) / MERGE_SIGMA**2
+    cov = np.linalg.inv(np.linalg.inv(P) + H.T @ H / merge_sigma**2)
+    expected = x - cov @ H.T @ (H @ x) / merge_sigma**2
     assert front.merge() == [(0, 3)]
     assert front.active.tolist() == [0, 1, 2]
     assert front.table.key_frames.tolist() == [ACTIVE, ACTIVE, ACTIVE, MERGED]
@@ -265,7 +268,7 @@ def test_a_point_is_seen_through_where_all_beams_beside_it_end_behind(name, cloc
     model = sensor(**MOUNTINGS[name])
     mounting = model.mounting
     point = np.array([mounting.x, mounting.y]) + distance * np.array([math.cos(bearing), math.sin(bearing)])
-    scan = ring(distance + SEEN_THROUGH + 1e-6, clockwise=clockwise, turned=turned)
+    scan = ring(distance + BEHIND + 1e-6, clockwise=clockwise, turned=turned)
     away = wrap_angle(np.array([mounting.direction_to_robot(angle) for angle in scan.angles]) - bearing)
     # A beam at the point itself counts to one side or the other.
     assume(np.abs(away).min() > 1e-6)
@@ -273,9 +276,7 @@ def test_a_point_is_seen_through_where_all_beams_beside_it_end_behind(name, cloc
     beside = np.flatnonzero(np.isin(away, left) | np.isin(away, -right))
     assert len(beside) == 4
     assert seen_through(scan, model, point[None]).tolist() == [True]
-    assert seen_through(ring(distance + SEEN_THROUGH - 1e-6, 360, clockwise, turned), model, point[None]).tolist() == [
-        False
-    ]
+    assert seen_through(ring(distance + BEHIND - 1e-6, 360, clockwise, turned), model, point[None]).tolist() == [False]
     ranges = np.full(360, 0.5)
     ranges[beside] = scan.ranges[0]
     assert seen_through(LaserScan(ranges, scan.angles), model, point[None]).all()

@@ -11,7 +11,9 @@ from scipy.optimize import linear_sum_assignment
 from scipy.stats import chi2
 
 from slam.filter.joint_compatibility import joint_compatibility
+from slam.filter.rules import FilterRules
 
+NODES = FilterRules().most_nodes
 GATES = np.concatenate([[0.0], chi2.ppf(0.99, 2 * np.arange(1, 12))])
 
 
@@ -46,7 +48,7 @@ def test_the_best_of_all_hypotheses_is_found(seed, corner_count, landmark_count,
     root = rng.normal(size=(2 * m, 2 * m + 3))
     cov = root @ root.T
     innovations = spread * (root @ rng.normal(size=2 * m + 3)).reshape(-1, 2)
-    chosen, distance2 = joint_compatibility(corners, landmarks, innovations, cov, GATES)
+    chosen, distance2 = joint_compatibility(corners, landmarks, innovations, cov, GATES, NODES)
     assert len(set(corners[chosen])) == len(set(landmarks[chosen])) == len(chosen)
     rows = [2 * c + axis for c in chosen for axis in (0, 1)]
     h = innovations[chosen].ravel()
@@ -77,7 +79,7 @@ def test_a_common_shift_explains_what_each_pair_alone_would_explain_otherwise():
     corners, candidates, innovations = corners[near], candidates[near], innovations[near]
     m = len(corners)
     cov = np.kron(np.ones((m, m)), 0.3**2 * np.eye(2)) + 0.02**2 * np.eye(2 * m)
-    chosen, _ = joint_compatibility(corners, candidates, innovations, cov, GATES)
+    chosen, _ = joint_compatibility(corners, candidates, innovations, cov, GATES, NODES)
     np.testing.assert_array_equal(candidates[chosen], [0, 2, 3])
 
 
@@ -86,14 +88,14 @@ def test_many_corners_that_fit_everywhere_end_in_time_with_a_valid_set():
     corners, landmarks = (index.ravel() for index in np.indices((10, 10)))
     rng = np.random.default_rng(0)
     innovations = rng.normal(0.0, 0.1, (100, 2))
-    chosen, _ = joint_compatibility(corners, landmarks, innovations, np.eye(200), GATES)
+    chosen, _ = joint_compatibility(corners, landmarks, innovations, np.eye(200), GATES, NODES)
     assert len(chosen) == 10
     assert len(set(landmarks[chosen])) == 10
 
 
 def test_nothing_to_choose_from():
     none = np.empty(0, np.int64)
-    chosen, distance2 = joint_compatibility(none, none, np.empty((0, 2)), np.empty((0, 0)), GATES)
+    chosen, distance2 = joint_compatibility(none, none, np.empty((0, 2)), np.empty((0, 0)), GATES, NODES)
     assert len(chosen) == 0
     assert distance2 == 0.0
 
@@ -119,9 +121,13 @@ def test_the_best_of_many_hypotheses_is_found_where_the_search_takes_thousands_o
     h = innovations.ravel()[rows]
     distances2 = np.einsum("wi,wi->w", h, np.linalg.solve(cov[rows[:, :, None], rows[:, None]], h[..., None])[..., 0])
     scale = 0.99 * GATES[1] / distances2.max()
-    chosen, distance2 = joint_compatibility(corners, landmarks, math.sqrt(scale) * innovations, cov, GATES)
+    chosen, distance2 = joint_compatibility(corners, landmarks, math.sqrt(scale) * innovations, cov, GATES, NODES)
     np.testing.assert_array_equal(chosen, ways[distances2.argmin()])
     np.testing.assert_allclose(distance2, scale * distances2.min(), rtol=1e-9)
+    # Six nodes lead to the first way of all, and no more are looked at.
+    first, _ = joint_compatibility(corners, landmarks, math.sqrt(scale) * innovations, cov, GATES, 30)
+    assert len(first) == 6
+    assert first.tolist() != chosen.tolist()
 
 
 @pytest.mark.parametrize("seed", range(6))
@@ -146,7 +152,7 @@ def test_where_the_search_is_not_completed_its_result_is_at_least_the_greedy_one
             if not taken and own[[*greedy, candidate]].sum() <= gates[len(greedy) + 1]:
                 greedy.append(candidate)
                 break
-    chosen, distance2 = joint_compatibility(corners, landmarks, innovations, np.eye(2 * len(own)), gates)
+    chosen, distance2 = joint_compatibility(corners, landmarks, innovations, np.eye(2 * len(own)), gates, NODES)
     assert len(set(corners[chosen])) == len(set(landmarks[chosen])) == len(chosen)
     np.testing.assert_allclose(distance2, own[chosen].sum(), rtol=1e-9)
     assert distance2 <= gates[len(chosen)]
@@ -155,3 +161,9 @@ def test_where_the_search_is_not_completed_its_result_is_at_least_the_greedy_one
     costs[corners, landmarks] = own
     best = costs[linear_sum_assignment(costs)].sum()
     assert best < distance2 or len(chosen) < 14
+
+
+def test_gates_that_do_not_suffice_for_the_corners_are_refused():
+    corners, landmarks = np.arange(12), np.arange(12)
+    with pytest.raises(ValueError, match="12 corners need 13 gates, not 12"):
+        joint_compatibility(corners, landmarks, np.zeros((12, 2)), np.eye(24), GATES, NODES)

@@ -10,10 +10,11 @@ from scipy.optimize import least_squares
 
 from features.se2 import between, compose, pose, rotation, transform, wrap_angle
 from slam.filter.ekf import LandmarkEkf
-from slam.graph.factors import ANCHOR_SIGMAS
 from slam.graph.incremental import LandmarkGraph
+from slam.graph.rules import GraphRules
 from slam.graph.values import Closure, Observations
 
+ANCHOR_SIGMAS = GraphRules().anchor_sigmas
 OFF = 1e6
 """A Cauchy scale that lets no residual be an outlier: weights differ from 1 by (residual / scale)^2."""
 

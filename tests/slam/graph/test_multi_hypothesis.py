@@ -10,9 +10,10 @@ from features.se2 import compose, pose, transform_inverse
 from features.signature import Signatures
 from slam.filter.ekf import POSE_DIM, LandmarkEkf
 from slam.graph.incremental import LandmarkGraph
-from slam.graph.multi_hypothesis import NEW_DENSITY, Sighting, most_likely
+from slam.graph.multi_hypothesis import Sighting, most_likely
 from slam.graph.multi_hypothesis_kernel import branch, move, score
 from slam.graph.reassociation import reassociate
+from slam.graph.rules import MultiHypothesisRules
 
 FIRST_COV = np.diag([1e-8, 1e-8, 1e-10])
 MOTION_COV = np.diag([0.01, 0.01, 0.02]) ** 2
@@ -101,7 +102,7 @@ def likeliest(sightings, cov):
                 own = -0.5 * (size + after.y @ np.linalg.solve(after.S, after.y))
             else:
                 after.add_landmarks(seen.positions, seen.covs[0])
-                own = math.log(NEW_DENSITY)
+                own = math.log(MultiHypothesisRules().new_density)
             found.append(grow(after, [*landmarks, landmark], score + own, rest[1:]))
         return max(found)
 

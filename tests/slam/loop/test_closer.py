@@ -13,15 +13,18 @@ from features.se2 import between, compose, inverse, pose, wrap_angle
 from sim.worlds.world import World
 from slam.loop.closer import LoopCloser
 from slam.loop.rules import LoopRules
-from slam.loop.verification import SYSTEMATIC
 
-RULES = LoopRules()
+APART, REACH, SHARE = 15.0, 5.0, 0.6
 NO_CORNERS = Corners(np.empty(0, CORNER_RECORD))
 UNTOLD = 1e4 * np.eye(3)
 """Covariance of a motion of which odometry tells nothing."""
 STEP = 0.5
 DRIFT = np.array([0.4, -0.3, math.radians(3.0)])
 """How far the estimate has drifted when the robot is back, about the start of the loop [m, m, rad]."""
+
+
+def closer_of(share=SHARE):
+    return LoopCloser(apart=APART, reach=REACH, share=share)
 
 
 def show(closer, scan, travel, poses_world_robot):
@@ -86,7 +89,7 @@ def lap(seed):
     truth = along(ROUND, LAP + 12)
     truth += rng.normal(0.0, [0.05, 0.05, 0.03], truth.shape)
     estimate = drifting(truth, rng.normal(0.0, [0.3, 0.3, math.radians(2.0)]))
-    closer = LoopCloser(RULES)
+    closer = closer_of()
     closures = []
     for k, here in enumerate(truth):
         closures.append(show(closer, seen(RING, here, rng), STEP, estimate[: k + 1]))
@@ -102,8 +105,8 @@ def test_a_loop_is_closed_where_it_closes_and_not_before(seed):
     found = [closure for closure in closures if closure is not None]
     assert found
     for closure in found:
-        assert np.hypot(*(truth[closure.older] - truth[closure.newer])[:2]) < RULES.reach + 1.0
-        assert (closure.newer - closure.older) * STEP > RULES.apart
+        assert np.hypot(*(truth[closure.older] - truth[closure.newer])[:2]) < REACH + 1.0
+        assert (closure.newer - closure.older) * STEP > APART
     # Two looks that agree are enough once the place is seen again.
     assert found[0].newer <= LAP + 6
 
@@ -120,7 +123,7 @@ def test_closures_are_as_good_as_they_say():
         closure = next(closure for closure in closures if closure is not None)
         error = closure.motion - between(truth[closure.older], truth[closure.newer])
         error[2] = wrap_angle(error[2])
-        nees.append(error @ np.linalg.solve(closure.cov - SYSTEMATIC, error))
+        nees.append(error @ np.linalg.solve(closure.cov - LoopRules().systematic_cov, error))
         errors.append(np.hypot(*error[:2]))
     assert np.mean(nees) < chi2.ppf(0.999, 3 * len(nees)) / len(nees)
     assert max(nees) < chi2.ppf(0.9999, 3)
@@ -142,7 +145,7 @@ def test_a_closure_does_not_depend_on_the_world_frame():
     truth = along(ROUND, LAP + 8)
     estimate = drifting(truth)
     moved = np.array([compose(g, each) for each in estimate])
-    here, there = LoopCloser(RULES), LoopCloser(RULES)
+    here, there = closer_of(), closer_of()
     compared = 0
     for k, each in enumerate(truth):
         if 20 < k < LAP - 2:
@@ -178,7 +181,7 @@ def test_a_corridor_never_seen_is_not_taken_for_its_neighbour(shift):
     there = [pose(x, 1.0, 0.0) for x in np.arange(1.0, 19.0, STEP)]
     back = [pose(x, 3.5, math.pi) for x in np.arange(18.5, 1.0, -STEP)]
     truth = np.array([*there, *back])
-    closer = LoopCloser(RULES)
+    closer = closer_of()
     for k, here in enumerate(truth):
         assert show(closer, seen(world, here, rng), STEP, truth[: k + 1]) is None
 
@@ -187,19 +190,19 @@ def test_a_bare_corridor_is_no_place():
     """Seen again or not, nothing in it says where along it the robot is."""
     rng = np.random.default_rng(2)
     truth = np.array([pose(0.5 * k, 0.0, 0.0) for k in range(40)] + [pose(20.0 - 0.5 * k, 0.0, 0.0) for k in range(30)])
-    closer = LoopCloser(RULES)
+    closer = closer_of()
     for k, here in enumerate(truth):
         assert show(closer, seen(CORRIDOR, here, rng), STEP, truth[: k + 1]) is None
 
 
-def revisit(looks, rng, rules=RULES, turn=0.0):
+def revisit(looks, rng, share=SHARE, turn=0.0):
     """Seven metres of the ring, far away round it, and then key frames that show it again, or not (None).
 
     From one to the next the robot goes on, and turns on the spot by so much more [rad].
     """
     truth = along(ROUND, 14)
     estimate = [*truth]
-    closer = LoopCloser(rules)
+    closer = closer_of(share)
     for k, here in enumerate(truth):
         assert show(closer, seen(RING, here, rng), STEP, truth[: k + 1]) is None
     found = []
@@ -223,7 +226,7 @@ def test_a_single_look_is_not_believed():
 def test_a_place_that_shows_other_things_than_walls_seen_before_is_not_believed():
     """Some of the points of any scan lie on no wall seen before: noise, and what only now comes in sight."""
     looks = [(True, HERE), (True, HERE)]
-    assert revisit(looks, np.random.default_rng(3), LoopRules(share=1.0)) == [False, False]
+    assert revisit(looks, np.random.default_rng(3), share=1.0) == [False, False]
 
 
 @pytest.mark.parametrize("other", [OFF, TURNED], ids=["position", "heading"])
@@ -242,7 +245,7 @@ def test_two_looks_agree_however_the_robot_turns_between_them(turn):
 def test_a_place_is_left_before_it_may_be_closed():
     """Standing about in one place is no loop, however long; nor are looks nearer than the spacing."""
     rng = np.random.default_rng(6)
-    closer = LoopCloser(RULES)
+    closer = closer_of()
     here = pose(9.0, 1.25)
     for k in range(20):
         assert show(closer, seen(RING, here, rng), 0.5, np.tile(here, (k + 1, 1))) is None
@@ -250,7 +253,7 @@ def test_a_place_is_left_before_it_may_be_closed():
 
 def test_the_passage_of_a_key_frame_is_the_way_about_it_on_that_visit():
     rng = np.random.default_rng(7)
-    closer = LoopCloser(RULES)
+    closer = closer_of()
     scan = seen(RING, pose(9.0, 1.25), rng)
     for _ in range(81):
         closer.add_key_frame(scan, NO_CORNERS, pose(1.0), UNTOLD)
@@ -265,7 +268,7 @@ def test_walls_of_a_place_where_odometry_cannot_be_are_those_of_a_copy(sigma, be
     rng = np.random.default_rng(3)
     truth = along(ROUND, 16)
     scans = [seen(RING, here, rng) for here in truth]
-    closer = LoopCloser(RULES)
+    closer = closer_of()
     for scan in scans:
         closer.add_key_frame(scan, NO_CORNERS, pose(STEP), 1e-6 * np.eye(3))
     for k, step in ((3, 40.0), (4, STEP)):
@@ -281,7 +284,7 @@ def test_a_look_that_is_long_ago_confirms_nothing(between_looks, believed):
     """Two looks agree, but between them odometry has gone farther than what the first one says would hold."""
     rng = np.random.default_rng(3)
     truth = along(ROUND, 16)
-    closer = LoopCloser(RULES)
+    closer = closer_of()
     for k, here in enumerate(truth):
         assert show(closer, seen(RING, here, rng), STEP, truth[: k + 1]) is None
     estimate = np.concatenate([truth, truth[3:5]])

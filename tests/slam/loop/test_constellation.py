@@ -10,9 +10,14 @@ from hypothesis import strategies as st
 from features.se2 import between, compose, pose, wrap_angle
 from features.signature import Kind
 from slam.loop.constellation import collect_constellation, fit_constellation
+from slam.loop.rules import PlaceRules
 
 SEEDS = st.integers(0, 2**32 - 1)
 POSES = st.builds(pose, st.floats(-50.0, 50.0), st.floats(-50.0, 50.0), st.floats(-math.pi, math.pi))
+
+
+def tolerant(distance):
+    return PlaceRules(corner_tolerance=distance)
 
 
 @given(SEEDS, st.lists(POSES, min_size=1, max_size=5))
@@ -61,7 +66,7 @@ def test_laid_near_where_it_belongs_a_constellation_finds_its_place(seed, where,
     here = seen_again(there, where, rng)
     # Turned about the middle of the corners, so that none of them leaves its tolerance.
     start = compose(pose(off, 0.0, turn), where)
-    found, count = fit_constellation(here, there, start, 0.6)
+    found, count = fit_constellation(here, there, start, tolerant(0.6))
     assert count == 8
     middle = here.positions.mean(axis=0)
     error = compose(found, pose(*middle))[:2] - compose(where, pose(*middle))[:2]
@@ -74,11 +79,11 @@ def test_no_corner_counts_twice(seed):
     rng = np.random.default_rng(seed)
     there = scattered(rng, 4)
     _, count = fit_constellation(
-        collect_constellation([pose(), pose(0.35)], [as_corners(there, pose())] * 2), there, pose(), 0.5
+        collect_constellation([pose(), pose(0.35)], [as_corners(there, pose())] * 2), there, pose(), tolerant(0.5)
     )
     assert count <= 4
 
 
 def test_a_constellation_of_one_corner_lies_nowhere():
     one = scattered(np.random.default_rng(1), 1)
-    assert fit_constellation(one, one, pose(), 0.5)[1] == 0
+    assert fit_constellation(one, one, pose(), tolerant(0.5))[1] == 0

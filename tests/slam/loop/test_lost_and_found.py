@@ -11,12 +11,10 @@ from features.se2 import between, compose, pose
 from sim.worlds.world import World
 from slam.graph.incremental import LandmarkGraph
 from slam.graph.values import Observations
-from slam.loop.closer import LoopCloser
 from slam.loop.rules import LoopRules
 
-from .test_closer import LAP, PILLARS, RING, ROUND, along, box
+from .test_closer import LAP, PILLARS, RING, ROUND, along, box, closer_of
 
-RULES = LoopRules()
 NOTHING_SEEN = Observations(np.empty(0, np.int64), np.empty((0, 2)), np.empty((0, 2, 2)))
 MOTION_COV = np.diag([0.005, 0.005, math.radians(0.1)]) ** 2
 """Covariance of a motion of one step, of which the key frames of these tests know the truth."""
@@ -31,7 +29,7 @@ def drive(world, truth, seed, slips=None):
     ``slips`` : error of the motion up to a key frame, and the covariance that is told of it, by key frame.
     """
     rng = np.random.default_rng(seed)
-    closer = LoopCloser(RULES)
+    closer = closer_of()
     graph, found = LandmarkGraph(cauchy_scale=2.0), []
     for k, here in enumerate(truth):
         motion, cov = between(truth[k - 1], here) if k else pose(), MOTION_COV
@@ -66,7 +64,7 @@ def test_a_robot_that_is_metres_off_finds_its_way_back(seed):
     assert all(true(closure, truth) for closure in closures)
     # All supporting key frames of a submap enter at once.
     first = next(each for each in found if any(closure.older < LAP // 2 < closure.newer for closure in each))
-    assert len(first) >= RULES.supporters
+    assert len(first) >= LoopRules().supporters
     assert len({closure.newer for closure in first}) == len(first)
 
 

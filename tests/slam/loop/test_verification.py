@@ -7,8 +7,11 @@ import pytest
 from finite_difference import finite_difference
 
 from features.se2 import between, compose, pose, wrap_angle
-from slam.loop.verification import SYSTEMATIC, closure_of, position_sigma
+from slam.loop.rules import LoopRules
+from slam.loop.verification import closure_of, position_sigma
 from slam.odometry.registration import Registration
+
+SYSTEMATIC = LoopRules().systematic_cov
 
 
 def fit_of(seed, pose_map_robot):
@@ -35,7 +38,7 @@ def test_a_closure_is_the_motion_between_the_two_with_the_covariance_of_the_fit_
     """And with what two registrations of one place share, which no scan tells."""
     older = pose(3.0, -2.0, 2.8)
     fit = fit_of(seed, compose(older, pose(0.4, 0.3, 0.7)))
-    closure = closure_of(4, 90, older, fit)
+    closure = closure_of(4, 90, older, fit, SYSTEMATIC)
     assert (closure.older, closure.newer) == (4, 90)
     np.testing.assert_allclose(closure.motion, [0.4, 0.3, 0.7], atol=1e-12)
     assert -math.pi <= closure.motion[2] < math.pi

@@ -12,9 +12,12 @@ from shapely import LineString
 from features.se2 import compose, transform
 from features.sensor import Mounting
 from sim.worlds.built_in.demo_room import room
-from slam.odometry.beams import SEEN_THROUGH, beams_through_walls
+from slam.odometry.beams import beams_through_walls
 from slam.odometry.line_map import CENTER, LENGTH, NORMAL_X, NORMAL_Y, WALL_FIELDS, WALL_X, WALL_Y
+from slam.odometry.rules import BeamRules
 from slam.odometry.scan_points import ScanPoints
+
+BEHIND = BeamRules().behind
 
 
 def walls_between(ends):
@@ -62,7 +65,7 @@ def test_beams_through_walls_are_those_that_cross_one_and_end_well_behind_it(see
         faced = ((origin - walls[:, [WALL_X, WALL_Y]]) * walls[:, [NORMAL_X, NORMAL_Y]]).sum(axis=1) > 0.0
         long = origin + 100.0 * (point - origin)
         met = np.array([LineString([origin, long]).intersects(LineString([end[:2], end[2:]])) for end in ends]) & faced
-        expected += (met & (before < -SEEN_THROUGH)).any() and not (met & (abs(before) < 0.5 * SEEN_THROUGH)).any()
+        expected += (met & (before < -BEHIND)).any() and not (met & (abs(before) < 0.5 * BEHIND)).any()
     assert beams_through_walls(scan, walls, at) == expected
 
 

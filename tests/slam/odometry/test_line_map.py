@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from registration_scenes import CONFIG, LINE_DISTANCE, SENSOR
 
-from features.extract import extract
+from features.extraction import extract
 from features.feature import LineForm
 from features.se2 import pose, rotation, transform
 from features.sensor import Mounting

@@ -288,7 +288,7 @@ def test_what_looks_more_alike_elsewhere_is_believed_where_fewer_beams_go_throug
         moved = np.linalg.solve(np.eye(3) + prior_cov @ information, prior_cov @ pull)
         return Registration(prior + moved, information, pull, share)
 
-    def beams_through_walls(scan, walls, pose_map_robot):
+    def beams_through_walls(scan, walls, pose_map_robot, rules):
         return through_here if math.hypot(*(pose_map_robot - predicted)[:2]) < 0.4 else through_there
 
     monkeypatch.setattr("slam.odometry.line_odometry.register", register)
@@ -300,6 +300,7 @@ def test_what_looks_more_alike_elsewhere_is_believed_where_fewer_beams_go_throug
     assert odometry.counts.predictions_rejected == believed
 
 
+@pytest.mark.slow
 def test_a_real_log_backwards_in_time_shows_no_jump():
     """The robot backs out of passages: most of what it sees there is new, and looks like what it saw before."""
     path = DATA / "intel-lab.clf.gz"
@@ -418,7 +419,7 @@ def test_another_pose_is_preferred_only_where_clearly_more_points_lie_on_walls(m
     """Elsewhere fewer beams go through walls, and the share is larger by as much: a few points more are chance."""
     looks = [(0.01, here), *[(0.8, here + more)] * 20]
 
-    def beams_through_walls(scan, walls, pose_map_robot):
+    def beams_through_walls(scan, walls, pose_map_robot, rules):
         return 20 if math.hypot(*(pose_map_robot - _under_way()[0].pose)[:2]) < 0.5 else 5
 
     monkeypatch.setattr("slam.odometry.line_odometry.beams_through_walls", beams_through_walls)

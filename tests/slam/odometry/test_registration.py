@@ -16,7 +16,8 @@ from sim.sensing.lidar import Lidar
 from sim.worlds.built_in.demo_room import room
 from sim.worlds.world import World
 from slam.odometry.line_map import CENTER, LENGTH, NORMAL_X, NORMAL_Y, VAR_ANGLE, VAR_OFFSET, WALL_X, WALL_Y
-from slam.odometry.registration import RegistrationRules, register
+from slam.odometry.registration import register
+from slam.odometry.rules import RegistrationRules
 
 law = settings(derandomize=True, deadline=None, max_examples=40)
 RULES = RegistrationRules()
@@ -203,7 +204,8 @@ def test_the_mounting_does_not_matter_to_the_robot(mounting):
     np.testing.assert_allclose(fit.pose_map_robot, truth, atol=0.01)
 
 
-def test_the_share_is_of_the_points_within_three_sigmas_of_a_wall():
+@pytest.mark.parametrize("inlier", [RULES.inlier, 2.0])
+def test_the_share_is_of_the_points_within_three_sigmas_of_a_wall_or_as_many_as_the_rules_say(inlier):
     """Points anywhere within 0.12 m of a wall, and a prior so sure that nothing moves.
 
     The sigma of each is that of eq. M3 at the wall, with its roughness; those within a thousandth of the gate are left
@@ -223,8 +225,8 @@ def test_the_share_is_of_the_points_within_three_sigmas_of_a_wall():
         + RULES.roughness**2
     )
     ratios = np.abs(offsets) / sigmas
-    kept = np.abs(ratios - 3.0) > 3e-3
-    assert 0.1 * len(scan) < (ratios[kept] > 3.0).sum() < 0.9 * len(scan)
+    kept = np.abs(ratios - inlier) > 3e-3
+    assert 0.1 * len(scan) < (ratios[kept] > inlier).sum() < 0.9 * len(scan)
     shown = replace(
         scan,
         points=(ranges[:, None] * directions)[kept],
@@ -233,5 +235,21 @@ def test_the_share_is_of_the_points_within_three_sigmas_of_a_wall():
         lines=scan.lines[kept],
         normals=scan.normals[kept],
     )
-    fit = register(shown, wall, pose(), 1e-18 * np.eye(3), pose(), replace(RULES, gate=RULES.final_gate))
-    assert fit.share == pytest.approx((ratios[kept] < 3.0).mean(), abs=1e-12)
+    rules = replace(RULES, gate=RULES.final_gate, inlier=inlier)
+    fit = register(shown, wall, pose(), 1e-18 * np.eye(3), pose(), rules)
+    assert fit.share == pytest.approx((ratios[kept] < inlier).mean(), abs=1e-12)
+
+
+@pytest.mark.parametrize(("kernel", "between"), [(1e3, 0.05), (0.2, 0.0)])
+def test_the_scale_of_the_kernel_tells_between_two_walls_that_a_beam_may_meet(kernel, between):
+    """The wall as two key frames have it, the second 0.1 m farther: their mean, or the one that the scan is nearer to.
+
+    All points have the same residual, so only the weights of the two walls (eq. M28) move the scan.
+    """
+    wall = one_wall(3.0, 0.0)
+    farther = wall.copy()
+    farther[WALL_X] += 0.1
+    scan = seen_walls(wall[None], pose(), np.random.default_rng(10))
+    rules = replace(RULES, gate=RULES.final_gate, kernel=kernel, step=1e-3, max_iterations=50)
+    fit = register(scan, np.stack([wall, farther]), pose(), VAGUE, pose(), rules)
+    assert fit.pose_map_robot[0] == pytest.approx(between, abs=0.01)

@@ -10,7 +10,8 @@ from sim import POOR_ODOMETRY, room_run
 from slam.config import SlamConfig
 from slam.odometry.cloned_pose import ClonedPose
 from slam.odometry.motion_models import OdometryModel
-from slam.odometry.wheel_calibration import UNCALIBRATED, Calibration, WheelCalibration
+from slam.odometry.rules import CalibrationRules
+from slam.odometry.wheel_calibration import Calibration, WheelCalibration
 from slam.pipeline import Slam
 
 MODEL = OdometryModel(position_per_travel=0.02, position_per_turn=0.01, heading_per_travel=0.02, heading_per_turn=0.03)
@@ -79,7 +80,7 @@ def test_without_scans_nothing_is_learned():
     wheels = WheelCalibration()
     drive(wheels, np.random.default_rng(1), information=np.zeros((3, 3)))
     assert wheels.calibration == Calibration()
-    np.testing.assert_allclose(wheels.cov, UNCALIBRATED, rtol=1e-12)
+    np.testing.assert_allclose(wheels.cov, CalibrationRules().first_cov, rtol=1e-12)
 
 
 def test_headings_alone_tell_the_turn_and_not_the_travel():

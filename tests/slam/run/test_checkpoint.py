@@ -73,6 +73,7 @@ def test_a_run_goes_on_to_the_same_bytes_wherever_it_stopped(source: str, tmp_pa
     assert written(slam, tmp_path / "stopped") == uninterrupted(frames, config, tmp_path / "whole")
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(not DATA.is_dir(), reason="real logs are not here")
 def test_a_real_log_goes_on_to_the_same_bytes(tmp_path: Path) -> None:
     log = CarmenLog(DATA / "intel-lab.clf.gz")

@@ -8,9 +8,10 @@ import pytest
 
 from features.se2 import compose, inverse, pose, rotation, transform
 from slam.filter.association import Association
-from slam.trust.monitor import BLIND_TRAVEL, JUDGED, MOST_REJECTED, SMALL_MOTION, SMALL_TURN, TrustMonitor
-from slam.trust.nis import WINDOW
+from slam.trust.monitor import TrustMonitor
+from slam.trust.rules import TrustRules
 
+RULES = TrustRules()
 PROBABILITY = 0.99
 PAIRS = 8
 SURE, NOWHERE = 0.9, None
@@ -21,7 +22,7 @@ PILLARS = np.array([[2.0 * i, 2.0 * j] for i in range(-4, 5) for j in range(-4, 
 
 
 def watching(*, wheels=True):
-    return TrustMonitor(PROBABILITY, wheels=wheels)
+    return TrustMonitor(PROBABILITY, 0.45, wheels=wheels)
 
 
 def raised(monitor):
@@ -38,7 +39,7 @@ def test_a_clean_run_raises_no_add_reason(caplog):
     """Innovations as large as promised, walls in every scan, wheels that agree, and some scans that fit badly."""
     rng = np.random.default_rng(0)
     monitor, here = watching(), pose()
-    for k in range(4 * WINDOW):
+    for k in range(4 * RULES.window):
         motion = pose(0.2, 0.0, 0.1)
         here = compose(here, motion)
         monitor.updated(float(k), matched(float(rng.chisquare(2 * PAIRS))))
@@ -53,25 +54,25 @@ def test_a_clean_run_raises_no_add_reason(caplog):
 def test_innovations_are_doubted_where_they_stay_above_what_the_filter_promises():
     """All windows of one length are above: the first and the last share no update. From then on it is told once."""
     monitor = watching()
-    for k in range(2 * WINDOW - 1):
+    for k in range(2 * RULES.window - 1):
         monitor.updated(float(k), matched(10.0 * 2 * PAIRS))
         monitor.updated(float(k), matched(0.0, 0))
     assert raised(monitor) == []
-    for k in range(2 * WINDOW - 1, 3 * WINDOW):
+    for k in range(2 * RULES.window - 1, 3 * RULES.window):
         monitor.updated(float(k), matched(10.0 * 2 * PAIRS))
-    assert raised(monitor) == [("innovations", 2.0 * WINDOW - 1.0)]
+    assert raised(monitor) == [("innovations", 2.0 * RULES.window - 1.0)]
 
 
 def test_innovations_smaller_than_promised_are_not_doubted():
     monitor = watching()
-    for k in range(4 * WINDOW):
+    for k in range(4 * RULES.window):
         monitor.updated(float(k), matched(0.1 * PAIRS))
     assert raised(monitor) == []
 
 
 @pytest.mark.parametrize(
     ("motion", "allowed"),
-    [(pose(-0.6, 0.8), BLIND_TRAVEL), (pose(0.0, 0.0, 0.5), math.pi), (pose(0.0, 0.0, -0.5), math.pi)],
+    [(pose(-0.6, 0.8), RULES.blind_travel), (pose(0.0, 0.0, 0.5), math.pi), (pose(0.0, 0.0, -0.5), math.pi)],
     ids=["travel", "left", "right"],
 )
 def test_motion_on_odometry_alone_is_doubted_beyond_its_limit(motion, allowed):
@@ -101,8 +102,8 @@ def test_a_scan_that_shows_nothing_of_the_one_before_is_doubted_at_once():
     ("points", "motion", "share"),
     [
         (PILLARS + 0.9, pose(0.1), SURE),
-        (PILLARS + 0.9, pose(1.01 * SMALL_MOTION), NOWHERE),
-        (PILLARS + 0.9, pose(0.0, 0.0, -1.01 * SMALL_TURN), NOWHERE),
+        (PILLARS + 0.9, pose(1.01 * RULES.small_motion), NOWHERE),
+        (PILLARS + 0.9, pose(0.0, 0.0, -1.01 * RULES.small_turn), NOWHERE),
         (PILLARS[:29] + 0.9, pose(0.1), NOWHERE),
     ],
     ids=["it fits known walls", "moved far", "turned far", "few points"],
@@ -148,31 +149,31 @@ def driven(monitor, rejected, motion=pose(0.1), by_wheels=pose(0.1)):  # noqa: B
         monitor.registered(float(k), PILLARS, here, odom, SURE, rejected=bool(each))
 
 
-MANY = math.floor(MOST_REJECTED * JUDGED) + 1
-"""The fewest rejections of JUDGED that are too many."""
+MANY = math.floor(RULES.most_rejected * RULES.judged) + 1
+"""The fewest rejections of RULES.judged that are too many."""
 
 
 def test_wheels_are_doubted_where_too_many_of_the_latest_scans_contradict_them():
     monitor = watching()
-    driven(monitor, [True] * (MANY - 1) + [False] * JUDGED + [True] * (MANY - 1) + [False] * JUDGED)
+    driven(monitor, [True] * (MANY - 1) + [False] * RULES.judged + [True] * (MANY - 1) + [False] * RULES.judged)
     assert raised(monitor) == []
     monitor = watching()
-    driven(monitor, [True] * MANY + [False] * JUDGED)
-    assert raised(monitor) == [("odometry", JUDGED - 1.0)]
+    driven(monitor, [True] * MANY + [False] * RULES.judged)
+    assert raised(monitor) == [("odometry", RULES.judged - 1.0)]
     (reason,) = monitor.trust.reasons
     assert "beside its heading" not in reason.sentence
 
 
 def test_wheels_are_judged_in_motion_only_and_only_where_they_predict():
     standing = watching()
-    driven(standing, [True] * 3 * JUDGED, pose(0.01), pose(0.01))
+    driven(standing, [True] * 3 * RULES.judged, pose(0.01), pose(0.01))
     assert raised(standing) == []
     without = watching(wheels=False)
-    driven(without, [True] * 3 * JUDGED)
+    driven(without, [True] * 3 * RULES.judged)
     assert raised(without) == []
     for motion, by_wheels in [(pose(0.1), pose()), (pose(), pose(0.0, 0.1)), (pose(0.0, 0.0, -0.1), pose())]:
         monitor = watching()
-        driven(monitor, [True] * JUDGED, motion, by_wheels)
+        driven(monitor, [True] * RULES.judged, motion, by_wheels)
         assert [what for what, _ in raised(monitor)] == ["odometry"]
 
 
@@ -182,7 +183,7 @@ def test_the_doubt_of_the_wheels_names_the_angle_by_which_they_are_turned(angle,
     """Whatever direction the wheels report, the robot moves to the left of it by the angle."""
     monitor, ahead = watching(), np.array([0.1, 0.0])
     motion, by_wheels = (pose(*(rotation(math.radians(each)) @ ahead)) for each in (reported + angle, reported))
-    driven(monitor, [True] * JUDGED, motion, by_wheels)
+    driven(monitor, [True] * RULES.judged, motion, by_wheels)
     (reason,) = monitor.trust.reasons
     assert f"moves {angle:.0f} deg beside its heading" in reason.sentence
 
@@ -191,8 +192,8 @@ def test_doubts_are_kept_in_the_order_in_which_they_came_and_each_is_logged_once
     monitor = watching()
     with caplog.at_level(logging.WARNING):
         for k in range(10):
-            monitor.drove(float(k), pose(BLIND_TRAVEL - 0.5), seen=False)
-        driven(monitor, [True] * 2 * JUDGED)
+            monitor.drove(float(k), pose(RULES.blind_travel - 0.5), seen=False)
+        driven(monitor, [True] * 2 * RULES.judged)
     assert [what for what, _ in raised(monitor)] == ["blind", "odometry"]
     assert [record.levelno for record in caplog.records] == [logging.WARNING] * 2
     assert all(

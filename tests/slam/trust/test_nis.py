@@ -4,9 +4,11 @@ import numpy as np
 import pytest
 from scipy.stats import chi2
 
-from slam.trust.nis import LEVEL, WINDOW, NisMonitor
+from slam.trust.nis import NisMonitor
+from slam.trust.rules import TrustRules
 
 PAIRS = 8
+WINDOW, LEVEL = TrustRules().window, TrustRules().level
 
 
 @pytest.fixture
@@ -16,7 +18,7 @@ def rng() -> np.random.Generator:
 
 def gated(rng: np.random.Generator, inflation: float, updates: int, probability: float) -> NisMonitor:
     """NIS of updates whose pairs, each chi-square with two degrees of freedom and inflated, passed the gate."""
-    watch = NisMonitor(probability)
+    watch = NisMonitor(probability, WINDOW, LEVEL)
     for _ in range(updates):
         pairs = inflation * rng.chisquare(2, PAIRS)
         passed = pairs[pairs <= chi2.ppf(probability, 2)]
@@ -45,7 +47,7 @@ def test_a_filter_that_promises_too_much_or_too_little_leaves_its_bounds(
 
 
 def test_too_much_is_told_where_windows_without_a_common_update_show_it() -> None:
-    watch = NisMonitor(0.99)
+    watch = NisMonitor(0.99, WINDOW, LEVEL)
     assert watch.summary() is None
     assert not any(watch.add(1000.0, PAIRS) for _ in range(2 * WINDOW - 1))
     assert not watch.add(0.0, 0)
@@ -53,7 +55,7 @@ def test_too_much_is_told_where_windows_without_a_common_update_show_it() -> Non
 
 
 def test_what_errs_together_in_one_window_is_not_told() -> None:
-    watch = NisMonitor(0.99)
+    watch = NisMonitor(0.99, WINDOW, LEVEL)
     assert not any(watch.add(3.0 * 2 * PAIRS if k < WINDOW // 2 else 2 * PAIRS, PAIRS) for k in range(4 * WINDOW))
     summary = watch.summary()
     assert summary is not None
@@ -76,7 +78,7 @@ def test_a_window_is_judged_by_chi_square_of_its_degrees_of_freedom_less_what_th
         (high * (1.0 - 1e-6), (0.0, 0.0)),
         (high * (1.0 + 1e-6), (1.0, 0.0)),
     ]:
-        watch = NisMonitor(probability)
+        watch = NisMonitor(probability, WINDOW, LEVEL)
         for _ in range(WINDOW):
             watch.add(float(nis) / WINDOW, pairs)
         summary = watch.summary()
@@ -87,7 +89,7 @@ def test_a_window_is_judged_by_chi_square_of_its_degrees_of_freedom_less_what_th
 
 
 def test_updates_without_a_pair_count_for_nothing() -> None:
-    watch = NisMonitor(0.99)
+    watch = NisMonitor(0.99, WINDOW, LEVEL)
     for _ in range(WINDOW):
         watch.add(2.0 * PAIRS, PAIRS)
         watch.add(0.0, 0)
@@ -98,7 +100,7 @@ def test_updates_without_a_pair_count_for_nothing() -> None:
 
 def test_single_updates_far_off_that_share_no_window_are_not_told() -> None:
     """Each takes all windows that it is in above their bounds, one fewer than would be told, and then all is well."""
-    watch = NisMonitor(0.99)
+    watch = NisMonitor(0.99, WINDOW, LEVEL)
     for k in range(10 * WINDOW):
         assert not watch.add(1e4 if k % (2 * WINDOW) == 0 else 2.0 * PAIRS, PAIRS)
     summary = watch.summary()

@@ -1,0 +1,21 @@
+"""What decides in the filter beside the gates, which are configured; docs/math.md has the reason of each value."""
+
+from dataclasses import dataclass
+
+from slam.odometry.rules import BeamRules
+
+
+@dataclass(frozen=True, slots=True)
+class FilterRules:
+    """How sure the equality of merged landmarks is, how long the association searches, and when a landmark is gone.
+
+    Parameters
+    ----------
+    merge_sigma : sigma of the distance of two landmarks that are one, in x and y [m].
+    most_nodes : of the search tree of the joint compatibility; where they do not suffice the best set so far stands.
+    beams : when a beam has gone through the place of a landmark.
+    """
+
+    merge_sigma: float = 0.01
+    most_nodes: int = 20_000
+    beams: BeamRules = BeamRules()  # noqa: RUF009, frozen
