@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from laws import law
 from scenes import FULL_TURN, HALF_TURN, corners_in_sensor_frame, exact_scan, polygon, square
 
-from features import LaserScan, extract, sensor_preset
+from features import ExtractionConfig, LaserScan, extract, sensor_preset
 from sim import World, room
 
 MODEL = sensor_preset("rplidar-s1")
@@ -208,6 +208,15 @@ def test_a_beam_outside_the_range_limits_is_skipped(no_return):
     np.testing.assert_array_equal(features.lines.params, reference.lines.params)
     np.testing.assert_array_equal(features.corners.covs, reference.corners.covs)
     assert_nearest(features.corners.positions, square(turn=0.2).corners)
+
+
+@pytest.mark.parametrize(("trim", "count"), [(0, 5), (1, 7)])
+def test_a_wall_alone_is_a_line_from_the_least_number_of_points_on_that_trimming_leaves(trim, count):
+    config = ExtractionConfig(min_points=5, trim_points=trim, trim_sigmas=0.0)
+    for points, lines in ((count - 1, 0), (count, 1)):
+        angles = np.radians(5.0) * (np.arange(points) - 0.5 * (points - 1))
+        scan = LaserScan(ranges=2.0 / np.cos(angles), angles=angles)
+        assert len(extract(scan, MODEL, config).lines) == lines
 
 
 @pytest.mark.parametrize("beams", [0, 1, 4])
