@@ -70,6 +70,13 @@ def test_what_is_seen_at_once_is_never_one(seed):
         assert len(set(landmarks.tolist())) == len(landmarks)
 
 
+def test_two_that_are_seen_at_once_are_two_however_near():
+    """A fifth of a sigma apart, from a robot that stands."""
+    looks = [Sighting(pose(), MOTION_COV, points([[3.0, 1.0], [3.0, 1.01]])) for _ in range(5)]
+    for landmarks in most_likely(pose(), FIRST_COV, looks):
+        assert sorted(landmarks.tolist()) == [0, 1]
+
+
 @pytest.mark.parametrize("seed", [1, 2, 3])
 def test_pairs_are_told_apart_without_identities(seed):
     sightings, _ = zip(*drive(seed), strict=True)
