@@ -16,6 +16,8 @@ from drivers.rplidar.device import Device
 from drivers.rplidar.protocol.requests import motor_pwm, motor_speed, request
 from features.se2 import wrap_angle
 
+pytestmark = pytest.mark.slow
+
 PATIENCE = 60.0
 """For what comes within seconds unless the machine is very busy [s]."""
 

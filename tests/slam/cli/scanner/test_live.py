@@ -15,6 +15,8 @@ from drivers.recording.recording import Recording
 from drivers.rplidar import RawRecorder, RevolutionDecoder
 from sim.emulator.terminal import Terminal
 
+pytestmark = pytest.mark.slow
+
 
 @pytest.fixture
 def port(tmp_path: Path) -> Iterator[Path]:
