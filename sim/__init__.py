@@ -24,6 +24,7 @@ from sim.sensing.labels import label_corners
 from sim.sensing.lidar import Lidar, Measurement
 from sim.sensing.visibility import VisibleSections, visible_corners, visible_sections
 from sim.simulated_run import SimulatedRun
+from sim.worlds.built_in.cluttered_rooms import cluttered_room
 from sim.worlds.built_in.demo_room import room, room_waypoints
 from sim.worlds.built_in.paper import ENVIRONMENT_A_POSE, ENVIRONMENT_B_POSE, environment_a, environment_b
 from sim.worlds.built_in.random_rooms import random_pose, random_room, random_tour
@@ -54,6 +55,7 @@ __all__ = [
     "WheelOdometry",
     "World",
     "WorldError",
+    "cluttered_room",
     "drive_through",
     "environment_a",
     "environment_b",

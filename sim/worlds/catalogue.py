@@ -9,11 +9,13 @@ import numpy as np
 
 from sim.errors import WorldError
 from sim.worlds.built_in.buildings import apartment, corridor, large_office, office_loop
+from sim.worlds.built_in.cluttered_rooms import cluttered_room
 from sim.worlds.built_in.demo_room import room, room_waypoints
 from sim.worlds.built_in.paper import environment_a, environment_b
 from sim.worlds.built_in.random_rooms import random_room, random_tour
 from sim.worlds.formats.world_file import read_site
 from sim.worlds.site import Site
+from sim.worlds.world import World
 
 _PATH_A = [
     *[(4.4, 3.9), (5.7, 2.9), (7.0, 2.4), (8.2, 3.6), (7.4, 5.2), (5.8, 5.0), (5.6, 6.4), (4.5, 7.2), (3.4, 6.4)],
@@ -35,7 +37,12 @@ BUILT_IN: Mapping[str, Callable[[], Site]] = MappingProxyType(
         "large-office": large_office,
     }
 )
-"""Built-in worlds by name; :func:`find_site` knows ``random-room-SEED``, one for each seed, besides."""
+"""Built-in worlds by name; :func:`find_site` knows those of :data:`DRAWN`, one for each seed, besides."""
+
+DRAWN: Mapping[str, Callable[[int], World]] = MappingProxyType(
+    {"random-room": random_room, "cluttered-room": cluttered_room}
+)
+"""Rooms that are drawn at random, by the name that comes before ``-SEED``."""
 
 
 def find_site(name: str) -> Site:
@@ -52,13 +59,13 @@ def find_site(name: str) -> Site:
     """
     if name in BUILT_IN:
         return BUILT_IN[name]()
-    if drawn := re.fullmatch(r"random-room-(\d{1,18})", name):
-        seed = int(drawn[1])
-        world = random_room(seed)
+    if (drawn := re.fullmatch(r"([a-z-]+)-(\d{1,18})", name)) and drawn[1] in DRAWN:
+        seed = int(drawn[2])
+        world = DRAWN[drawn[1]](seed)
         return Site.of(world, random_tour(world, np.random.default_rng(seed)))
     if not Path(name).exists():
         raise WorldError(
-            f"no world and no file {name!r}: built in are {', '.join(BUILT_IN)} and random-room-SEED, "
-            "such as random-room-1"
+            f"no world and no file {name!r}: built in are {', '.join(BUILT_IN)}, random-room-SEED and "
+            "cluttered-room-SEED, such as random-room-1"
         )
     return read_site(Path(name))

@@ -14,8 +14,12 @@ TOUCH = 1e-9
 below the length of any wall."""
 
 STRAIGHT = 1e-6
-"""Two walls whose directions differ by less than this are one straight wall [rad]: rounding turns walls of a millimetre
-or more by less."""
+"""Two walls that leave a point in directions that differ by less than this lie on each other [rad]: rounding turns
+walls of a millimetre or more by less."""
+
+BLUNT = np.radians(10.0)
+"""Two walls whose directions differ by less than this are one wall, straight or curved [rad]: curves are drawn with
+facets that turn by less."""
 
 
 def find_corners(walls: Array, index: WallIndex) -> tuple[Array, Array, npt.NDArray[np.int64]]:
@@ -23,8 +27,9 @@ def find_corners(walls: Array, index: WallIndex) -> tuple[Array, Array, npt.NDAr
 
     Returns
     -------
-    corners : where exactly two walls end, not in one straight line, and no third one passes, shape (k, 2) [m].
-    opening_angles : angle between the two walls of each corner, in (0, pi), shape (k,) [rad].
+    corners : where exactly two walls end, not in one straight or curved line, and no third one passes, shape (k, 2)
+        [m].
+    opening_angles : angle between the two walls of each corner, in (0, pi - :data:`BLUNT`), shape (k,) [rad].
     corner_walls : indices of the two walls of each corner, ascending, shape (k, 2).
     """
     points = walls.reshape(-1, 2)
@@ -38,7 +43,7 @@ def find_corners(walls: Array, index: WallIndex) -> tuple[Array, Array, npt.NDAr
     first, second = leaving[:, 0], leaving[:, 1]
     cross = first[:, 0] * second[:, 1] - first[:, 1] * second[:, 0]
     opening_angles = np.abs(np.arctan2(cross, (first * second).sum(axis=1)))
-    kept = np.flatnonzero(ends_there & (opening_angles > STRAIGHT) & (opening_angles < np.pi - STRAIGHT))
+    kept = np.flatnonzero(ends_there & (opening_angles > STRAIGHT) & (opening_angles < np.pi - BLUNT))
     # Each corner was found from both of its walls.
     kept = kept[np.sort(np.unique(pairs[at[kept]], axis=0, return_index=True)[1])]
     return points[at[kept]], opening_angles[kept], pairs[at[kept]]

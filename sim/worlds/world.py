@@ -1,4 +1,4 @@
-"""A world of straight walls, and the corners where they meet."""
+"""A world of straight walls, which may be the facets of curves, and the corners where they meet."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
@@ -26,8 +26,9 @@ class World:
 
     Attributes
     ----------
-    corners : where exactly two walls end, not in one straight line, and no third one passes, shape (k, 2) [m].
-    opening_angles : angle between the two walls of each corner, in (0, pi), shape (k,) [rad].
+    corners : where exactly two walls end, not in one straight or curved line, and no third one passes, shape (k, 2)
+        [m]; walls whose directions differ by less than :data:`sim.worlds.corners.BLUNT` are facets of a curve.
+    opening_angles : angle between the two walls of each corner, in (0, pi - BLUNT), shape (k,) [rad].
     corner_walls : indices of the two walls of each corner, ascending, shape (k, 2).
     normals : unit normal of each wall, to the left of its direction, shape (n, 2).
 

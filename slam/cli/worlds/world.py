@@ -23,9 +23,9 @@ Name = Annotated[str, typer.Argument(help="Name of a built-in world, or file.", 
 @world.command("list")
 def list_worlds() -> None:
     """Name the built-in worlds, with their size, walls, corners and path."""
-    from sim.worlds.catalogue import BUILT_IN, find_site
+    from sim.worlds.catalogue import BUILT_IN, DRAWN, find_site
 
-    for name in (*BUILT_IN, "random-room-1"):
+    for name in (*BUILT_IN, *(f"{name}-1" for name in DRAWN)):
         typer.echo(_summary(find_site(name)))
 
 

@@ -63,7 +63,7 @@ class MonteCarloSettings(BaseModel):
 
     model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
 
-    world: str = Field(description="what is driven through: built in, random-room-SEED, or a file")
+    world: str = Field(description="what is driven through: built in, random-room-SEED, cluttered-room-SEED, or a file")
     world_digest: str = Field(
         default_factory=lambda given: site_digest(find_site(given["world"])),
         description="of its walls and path, as a file may change from one run to the next",

@@ -5,7 +5,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from sim import World, random_room
-from sim.worlds.corners import STRAIGHT, TOUCH
+from sim.worlds.corners import BLUNT, STRAIGHT, TOUCH
 
 
 def plain_corners(walls):
@@ -22,7 +22,7 @@ def plain_corners(walls):
         if len(meets) == 2 and at_end[meets].all():
             first, second = (along[k] if share[k] < 0.5 else -along[k] for k in meets)
             opening = abs(np.arctan2(first[0] * second[1] - first[1] * second[0], first @ second))
-            if STRAIGHT < opening < np.pi - STRAIGHT:
+            if STRAIGHT < opening < np.pi - BLUNT:
                 found.append((point, opening, meets))
     return found
 
