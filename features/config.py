@@ -1,8 +1,9 @@
 """Rules of the extraction, with their defaults."""
 
 import math
+import warnings
 from functools import cached_property
-from typing import Literal, NamedTuple
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, model_validator
@@ -24,6 +25,9 @@ METHODS: tuple[tuple[LineFit, Covariance], ...] = (
     ("total-least-squares", "propagated"),
 )
 """Line fits, each with a form of the covariance; compiled kernels take a method as its index in this tuple."""
+
+
+REMOVED = "corner_gap_mm"
 
 
 class ExtractionConfig(BaseModel):
@@ -57,9 +61,37 @@ class ExtractionConfig(BaseModel):
     )
     corner_angle_min_deg: float = Field(default=30.0, gt=0.0, lt=180.0, description="sharpest corner [deg]")
     corner_angle_max_deg: float = Field(default=150.0, gt=0.0, lt=180.0, description="bluntest corner [deg]")
-    corner_gap_mm: float = Field(
-        default=100.0, gt=0.0, description="how far walls may end from their intersection, beyond the beam spacing [mm]"
+    straight_level: float = Field(
+        default=0.01, gt=0.0, lt=1.0, description="probability that chance splits a straight wall in two"
     )
+    bend_sigmas: float = Field(
+        default=2.0, ge=0.0, description="a wall may be bent where its curvature is beyond so many standard deviations"
+    )
+    near_sigmas: float = Field(
+        default=4.0, gt=0.0, description="a point between two walls is of one within so many standard deviations of it"
+    )
+    end_sigmas: float = Field(
+        default=2.0, ge=0.0, description="noise moves the last point of a wall by so many standard deviations along it"
+    )
+    corner_level: float = Field(
+        default=0.05, gt=0.0, lt=1.0, description="probability that chance makes a wall end before a corner"
+    )
+    unseen_end: float = Field(
+        default=0.05, ge=0.0, lt=1.0, description="probability that a wall ends between its last beam and a corner"
+    )
+
+    @model_validator(mode="before")
+    @classmethod
+    def _without_removed(cls, values: Any) -> Any:
+        if isinstance(values, dict) and REMOVED in values:
+            warnings.warn(
+                f"extraction.{REMOVED} is not used any more: how far a wall may end from its corner follows from the "
+                "spacing of its beams; remove it",
+                DeprecationWarning,
+                stacklevel=2,
+            )
+            return {name: value for name, value in values.items() if name != REMOVED}
+        return values
 
     @model_validator(mode="after")
     def _consistent(self) -> "ExtractionConfig":
@@ -87,7 +119,12 @@ class ExtractionConfig(BaseModel):
             min_length_sigmas=self.min_length_sigmas,
             corner_angle_min=math.radians(self.corner_angle_min_deg),
             corner_angle_max=math.radians(self.corner_angle_max_deg),
-            corner_gap=self.corner_gap_mm * 1e-3,
+            straight_level=self.straight_level,
+            bend_sigmas=self.bend_sigmas,
+            near_sigmas=self.near_sigmas,
+            end_sigmas=self.end_sigmas,
+            corner_level=self.corner_level,
+            unseen_end=self.unseen_end,
             method=METHODS.index((self.fit, self.covariance)),
         )
         return np.array(rules, dtype=np.float64)
@@ -107,5 +144,10 @@ class Rules(NamedTuple):
     min_length_sigmas: float
     corner_angle_min: float
     corner_angle_max: float
-    corner_gap: float
+    straight_level: float
+    bend_sigmas: float
+    near_sigmas: float
+    end_sigmas: float
+    corner_level: float
+    unseen_end: float
     method: int

@@ -24,13 +24,14 @@ SEGMENT_RECORD = np.dtype(
         ("normal_x", np.float64),
         ("normal_y", np.float64),
         ("offset", np.float64),
+        ("bend", np.float64),
     ]
 )
 """A segment while a scan is processed.
 
 ``first`` and ``last`` are its breaking points, ``begin`` and ``end`` the points that are fitted, ``joined`` says
-whether the next segment continues it, ``line`` is the index of its line or -1; the rest is its total-least-squares
-line, ``normal . p = offset``.
+whether the next segment continues it, ``line`` is the index of its line or -1; ``normal . p = offset`` is its
+total-least-squares line, and ``bend`` is how far its ends may bend away from a line [m].
 """
 
 
@@ -74,7 +75,10 @@ def find_segments(xs, ys, jumps, total, var_range, var_bearing, rules, stack, se
         if i - begin + 1 >= rules.min_points:
             found = segments[count:]
             added = split_segments(xs, ys, begin, i, var_range, var_bearing, rules, stack, found)
-            count += merge_segments(xs, ys, added, var_range, var_bearing, rules, found)
+            kept = merge_segments(xs, ys, added, var_range, var_bearing, rules, found)
+            for k in range(kept):
+                found[k].joined = k + 1 < kept
+            count += kept
         begin = i + 1
     return drop_stubs(xs, ys, var_range, rules, segments, count)
 
@@ -130,25 +134,29 @@ def merge_segments(xs, ys, count, var_range, var_bearing, rules, segments):
 
 @inner()
 def drop_stubs(xs, ys, var_range, rules, segments, count):
-    """Drop segments too small for a line, in place, and mark which continue in the next; return the number left.
+    """Drop segments too small for a line, in place; return the number left.
 
-    Noise at a corner splits off a few points that are no wall; the walls on either side of them may still meet there.
+    Noise at a corner splits off a few points that are no wall; the walls on either side of them may still meet there:
+    what is left is joined to the next if all that was dropped between them was.
     """
     kept = 0
+    before_first = 1
     for k in range(count):
         a = segments[k].first
         b = segments[k].last
-        if kept > 0 and segments[k - 1].last != a:
-            segments[kept - 1].joined = 0
         few = b - a + 1 < rules.min_points + 2 * rules.trim_points
         if few or is_short(xs[b] - xs[a], ys[b] - ys[a], var_range, rules):
+            if kept > 0:
+                segments[kept - 1].joined &= segments[k].joined
+            else:
+                before_first &= segments[k].joined
             continue
         segments[kept].first = a
         segments[kept].last = b
-        segments[kept].joined = 1
+        segments[kept].joined = segments[k].joined
         kept += 1
     if kept > 0:
-        segments[kept - 1].joined = 0
+        segments[kept - 1].joined &= before_first
     return kept
 
 

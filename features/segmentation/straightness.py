@@ -1,0 +1,135 @@
+# pyright: standard
+"""Straightness: whether the points of a segment lie on one line, and how far they may bend away from it."""
+
+import math
+
+from features.compiled import inner
+from features.segmentation.breaks import fit_rough
+
+SINGULAR = 1e-12
+"""A determinant smaller than this share of the product of its diagonal is rounding error."""
+
+
+@inner()
+def split_crooked(xs, ys, segments, count, noise, rules, sums, stack, pieces):
+    """Split each segment whose points two lines explain better than one, by more than chance (eq. M101).
+
+    Fills the pieces and returns their number. A piece is joined to the next one of its segment.
+    """
+    found = 0
+    for k in range(count):
+        first = segments[k].first
+        begin = segments[k].begin
+        stack[0] = segments[k].last
+        waiting = 1
+        while waiting > 0:
+            last = stack[waiting - 1]
+            whole = last == segments[k].last
+            piece = pieces[found]
+            piece.first = first
+            piece.last = last
+            piece.begin = begin
+            piece.end = segments[k].end if whole else last
+            piece.joined = segments[k].joined if whole else 1
+            fit_rough(xs, ys, piece)
+            gain, index = best_break(xs, ys, piece, noise, sums)
+            if gain > 2.0 * math.log(max(piece.end - piece.begin + 1, 1) / rules.straight_level):
+                # The later part waits.
+                stack[waiting] = index
+                waiting += 1
+                continue
+            found += 1
+            waiting -= 1
+            first = begin = last + 1
+    return found
+
+
+@inner()
+def best_break(xs, ys, segment, noise, sums):
+    """Find where two lines, each of two points or more, explain the points of a segment best in place of one.
+
+    Returns
+    -------
+    gain : how much the sum of the squared, normalised residuals falls (eq. M101); 0 for fewer than four points.
+    index : last point of the first of the two lines.
+    """
+    begin = segment.begin
+    n = segment.end - begin + 1
+    if n < 4:
+        return 0.0, begin
+    w_sum = ws_sum = wss_sum = wr_sum = wrs_sum = 0.0
+    for i in range(n):
+        w, s, r = residual(xs, ys, segment, begin + i, noise)
+        w_sum += w
+        ws_sum += w * s
+        wss_sum += w * s * s
+        wr_sum += w * r
+        wrs_sum += w * r * s
+        sums[0, i] = w_sum
+        sums[1, i] = ws_sum
+        sums[2, i] = wss_sum
+        sums[3, i] = wr_sum
+        sums[4, i] = wrs_sum
+    one = explained(w_sum, ws_sum, wss_sum, wr_sum, wrs_sum)
+    best = one
+    index = 0
+    for i in range(1, n - 2):
+        w, ws, wss, wr, wrs = sums[0, i], sums[1, i], sums[2, i], sums[3, i], sums[4, i]
+        both = explained(w, ws, wss, wr, wrs) + explained(
+            w_sum - w, ws_sum - ws, wss_sum - wss, wr_sum - wr, wrs_sum - wrs
+        )
+        if both > best:
+            best = both
+            index = i
+    return best - one, begin + index
+
+
+@inner()
+def bend_of(xs, ys, segment, noise, rules):
+    """Return how far the ends of a segment bend away from its line, where that is beyond chance [m] (eq. M102)."""
+    w_sum = ws_sum = wss_sum = wsss_sum = wssss_sum = wr_sum = wrs_sum = wrss_sum = s = 0.0
+    for i in range(segment.begin, segment.end + 1):
+        w, s, r = residual(xs, ys, segment, i, noise)
+        ws = w * s
+        wss = ws * s
+        w_sum += w
+        ws_sum += ws
+        wss_sum += wss
+        wsss_sum += wss * s
+        wssss_sum += wss * s * s
+        wr_sum += w * r
+        wrs_sum += ws * r
+        wrss_sum += wss * r
+    spread = w_sum * wss_sum - ws_sum * ws_sum
+    if not spread > SINGULAR * w_sum * wss_sum:
+        return 0.0
+    # What the regression on 1 and s leaves of s^2.
+    constant = (wss_sum * wss_sum - ws_sum * wsss_sum) / spread
+    slope = (w_sum * wsss_sum - ws_sum * wss_sum) / spread
+    left = wssss_sum - constant * wss_sum - slope * wsss_sum
+    joint = wrss_sum - constant * wr_sum - slope * wrs_sum
+    if not left > SINGULAR * wssss_sum or joint * joint <= rules.bend_sigmas * rules.bend_sigmas * left:
+        return 0.0
+    return abs(joint / left) * max(abs(constant), abs(s * s - constant - slope * s))
+
+
+@inner(inline="always")
+def residual(xs, ys, segment, i, noise):
+    """Return weight, abscissa from the first fitted point, and residual of a point at the rough line of a segment."""
+    x = xs[i]
+    y = ys[i]
+    across = segment.normal_x * x + segment.normal_y * y
+    along = segment.normal_x * (y - ys[segment.begin]) - segment.normal_y * (x - xs[segment.begin])
+    rho2 = x * x + y * y
+    variance = noise[0] * across * across / rho2 + noise[1] * (rho2 - across * across)  # eq. M3
+    return 1.0 / variance, along, across - segment.offset
+
+
+@inner(inline="always")
+def explained(w, ws, wss, wr, wrs):
+    """Sum of squares that a weighted regression of residuals explains, of its five sums."""
+    spread = w * wss - ws * ws
+    joint = w * wrs - ws * wr
+    # Points at one place determine no slope.
+    slope = joint * joint / spread if spread > SINGULAR * w * wss else 0.0
+    return (wr * wr + slope) / w
