@@ -45,7 +45,7 @@ class _WorkArrays(threading.local):
         self.indices = np.empty((3, size), np.int64)
         self.segments = np.empty(beams + 1, SEGMENT_RECORD)
         self.pieces = np.empty(beams + 1, SEGMENT_RECORD)
-        self.sums = np.empty((5, beams + 1))
+        self.sums = np.empty((9, beams + 1))
         self.beams = beams
 
 

@@ -6,8 +6,15 @@ import math
 from features.compiled import inner
 from features.segmentation.breaks import is_before, misfit
 
+SUMS = {"reassoc", "contract", "arcp", "nsz"}
+"""Optimisations that let the compiler vectorise sums; NaN and infinity are handled as ever."""
+
 ARC_ITERATIONS = 3
 """Iterations of the fit of an arc: from the algebraic fit the second one changes nothing that counts."""
+
+HOPELESS = 10.0
+"""Where the algebraic fit of an arc misses by so many times the limit, the best one is beyond it too: the algebraic fit
+of points on an arc misses by a few times what the best one does."""
 
 SURE = -100.0
 """A sum of differences that no later point brings back above the limit."""
@@ -54,7 +61,7 @@ def walls_end(xs, ys, first, last, x, y, wall_a, wall_b, noise, rules):
     return True
 
 
-@inner()
+@inner(fastmath=SUMS)
 def is_arc(xs, ys, first, last, x, y, wall_a, wall_b, noise, rules):
     """Whether an arc explains the points first..last as well as two walls that meet at (x, y) (eq. M105)."""
     n = last - first + 1
@@ -63,16 +70,16 @@ def is_arc(xs, ys, first, last, x, y, wall_a, wall_b, noise, rules):
         corner += misfit(xs[i], ys[i], wall_b if is_before(x, y, xs[i], ys[i]) else wall_a, noise)
         mean_x += xs[i]
         mean_y += ys[i]
-    return arc_misfit(xs, ys, first, last, mean_x / n, mean_y / n, noise) - corner <= 2.0 * math.log(
-        n / rules.straight_level
-    )
+    limit = corner + 2.0 * math.log(n / rules.straight_level)
+    return arc_misfit(xs, ys, first, last, mean_x / n, mean_y / n, noise, HOPELESS * limit) <= limit
 
 
-@inner()
-def arc_misfit(xs, ys, first, last, mean_x, mean_y, noise):
+@inner(fastmath=SUMS)
+def arc_misfit(xs, ys, first, last, mean_x, mean_y, noise, hopeless):
     """Sum of the squared, normalised distances of points from the arc that fits them best, 0 where none is determined.
 
-    From the algebraic fit (Kasa 1976) by Gauss-Newton iterations on centre and radius.
+    From the algebraic fit (Kasa 1976) by Gauss-Newton iterations on centre and radius; where that is beyond
+    ``hopeless``, it stands.
     """
     spread_x = spread_y = joint = cubic_x = cubic_y = square = 0.0
     for i in range(first, last + 1):
@@ -116,6 +123,8 @@ def arc_misfit(xs, ys, first, last, mean_x, mean_y, noise):
             g_x += w * normal_x * residual
             g_y += w * normal_y * residual
             g_1 += w * residual
+        if total > hopeless:
+            break
         # Cramer's rule.
         c_xx = yy * w_1 - y_1 * y_1
         c_xy = x_1 * y_1 - xy * w_1

@@ -6,6 +6,9 @@ import math
 from features.compiled import inner
 from features.segmentation.breaks import fit_rough
 
+SUMS = {"reassoc", "contract", "arcp", "nsz"}
+"""Optimisations that let the compiler vectorise sums; NaN and infinity are handled as ever."""
+
 SINGULAR = 1e-12
 """A determinant smaller than this share of the product of its diagonal is rounding error."""
 
@@ -44,7 +47,7 @@ def split_crooked(xs, ys, segments, count, noise, rules, sums, stack, pieces):
     return found
 
 
-@inner()
+@inner(fastmath=SUMS)
 def best_break(xs, ys, segment, noise, sums):
     """Find where two lines, each of two points or more, explain the points of a segment best in place of one.
 
@@ -57,39 +60,46 @@ def best_break(xs, ys, segment, noise, sums):
     n = segment.end - begin + 1
     if n < 4:
         return 0.0, begin
+    normal_x, normal_y, offset = segment.normal_x, segment.normal_y, segment.offset
+    along_0 = normal_x * ys[begin] - normal_y * xs[begin]
+    xs = xs[begin : begin + n]
+    ys = ys[begin : begin + n]
+    weights, alongs, residuals, gains = sums[5, :n], sums[6, :n], sums[7, :n], sums[8, :n]
+    for i in range(n):
+        weights[i], alongs[i], residuals[i] = residual(xs[i], ys[i], normal_x, normal_y, offset, along_0, noise)
     w_sum = ws_sum = wss_sum = wr_sum = wrs_sum = 0.0
     for i in range(n):
-        w, s, r = residual(xs, ys, segment, begin + i, noise)
-        w_sum += w
-        ws_sum += w * s
-        wss_sum += w * s * s
-        wr_sum += w * r
-        wrs_sum += w * r * s
+        weight, along = weights[i], alongs[i]
+        pull = weight * residuals[i]
+        w_sum += weight
+        ws_sum += weight * along
+        wss_sum += weight * along * along
+        wr_sum += pull
+        wrs_sum += pull * along
         sums[0, i] = w_sum
         sums[1, i] = ws_sum
         sums[2, i] = wss_sum
         sums[3, i] = wr_sum
         sums[4, i] = wrs_sum
-    one = explained(w_sum, ws_sum, wss_sum, wr_sum, wrs_sum)
-    best = one
-    index = 0
     for i in range(1, n - 2):
         w, ws, wss, wr, wrs = sums[0, i], sums[1, i], sums[2, i], sums[3, i], sums[4, i]
-        both = explained(w, ws, wss, wr, wrs) + explained(
+        gains[i] = explained(w, ws, wss, wr, wrs) + explained(
             w_sum - w, ws_sum - ws, wss_sum - wss, wr_sum - wr, wrs_sum - wrs
         )
-        if both > best:
-            best = both
-            index = i
-    return best - one, begin + index
+    index = 1 + gains[1 : n - 2].argmax() if n > 3 else 0
+    return gains[index] - explained(w_sum, ws_sum, wss_sum, wr_sum, wrs_sum), begin + index
 
 
-@inner()
+@inner(fastmath=SUMS)
 def bend_of(xs, ys, segment, noise, rules):
     """Return how far the ends of a segment bend away from its line, where that is beyond chance [m] (eq. M102)."""
+    normal_x, normal_y, offset = segment.normal_x, segment.normal_y, segment.offset
+    along_0 = normal_x * ys[segment.begin] - normal_y * xs[segment.begin]
+    xs = xs[segment.begin : segment.end + 1]
+    ys = ys[segment.begin : segment.end + 1]
     w_sum = ws_sum = wss_sum = wsss_sum = wssss_sum = wr_sum = wrs_sum = wrss_sum = s = 0.0
-    for i in range(segment.begin, segment.end + 1):
-        w, s, r = residual(xs, ys, segment, i, noise)
+    for i in range(xs.size):
+        w, s, r = residual(xs[i], ys[i], normal_x, normal_y, offset, along_0, noise)
         ws = w * s
         wss = ws * s
         w_sum += w
@@ -114,22 +124,19 @@ def bend_of(xs, ys, segment, noise, rules):
 
 
 @inner(inline="always")
-def residual(xs, ys, segment, i, noise):
-    """Return weight, abscissa from the first fitted point, and residual of a point at the rough line of a segment."""
-    x = xs[i]
-    y = ys[i]
-    across = segment.normal_x * x + segment.normal_y * y
-    along = segment.normal_x * (y - ys[segment.begin]) - segment.normal_y * (x - xs[segment.begin])
-    rho2 = x * x + y * y
-    variance = noise[0] * across * across / rho2 + noise[1] * (rho2 - across * across)  # eq. M3
-    return 1.0 / variance, along, across - segment.offset
+def residual(x, y, normal_x, normal_y, offset, along_0, noise):
+    """Return weight, abscissa and residual of a point at a line."""
+    across = normal_x * x + normal_y * y
+    along = normal_x * y - normal_y * x
+    # Eq. M3 times the squared range: sine and cosine of the incidence are the parts along and across, over the range.
+    variance2 = noise[0] * across * across + noise[1] * along * along * (x * x + y * y)
+    return (x * x + y * y) / variance2, along - along_0, across - offset
 
 
 @inner(inline="always")
 def explained(w, ws, wss, wr, wrs):
     """Sum of squares that a weighted regression of residuals explains, of its five sums."""
-    spread = w * wss - ws * ws
     joint = w * wrs - ws * wr
-    # Points at one place determine no slope.
-    slope = joint * joint / spread if spread > SINGULAR * w * wss else 0.0
-    return (wr * wr + slope) / w
+    # Points at one place determine no slope; their spread is rounding error.
+    spread = max(w * wss - ws * ws, SINGULAR * w * wss)
+    return (wr * wr + joint * joint / spread) / w
