@@ -77,8 +77,8 @@ def _rectangle(centre: Array, length: float, width: float) -> shapely.Polygon:
 
 
 def _moved(shape: BaseGeometry, origin: Array, angle: float) -> BaseGeometry:
-    turned = affinity.rotate(shape, angle, origin=(0.0, 0.0), use_radians=True)
-    return affinity.translate(turned, float(origin[0]), float(origin[1]))
+    c, s = math.cos(angle), math.sin(angle)
+    return affinity.affine_transform(shape, [c, -s, s, c, float(origin[0]), float(origin[1])])
 
 
 def _legs(rng: np.random.Generator, length: float, width: float, thickest: float) -> BaseGeometry:
