@@ -51,3 +51,20 @@ OdometryOption = Annotated[
     Literal["exact", "good", "poor", "slipping"], typer.Option("--odometry", help="Errors of the wheels.")
 ]
 People = Annotated[int, typer.Option("--people", min=0, help="People who go to and fro beside the path.")]
+
+
+def check_simulated(sensor: str) -> None:
+    """Check that a scanner of this preset can be simulated.
+
+    Raises
+    ------
+    ConfigError
+        No preset has this name, or it is no laser scanner.
+    """
+    from sim.sensing.lidar import Lidar
+    from slam.errors import ConfigError
+
+    try:
+        Lidar.of_preset(sensor)
+    except ValueError as error:
+        raise ConfigError(f"--sensor: {error}") from None

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
-from slam.cli.options import EffectsOption, OdometryOption, People
+from slam.cli.options import EffectsOption, OdometryOption, People, SimulatedSensor, check_simulated
 
 if TYPE_CHECKING:
     from distributed import Client
@@ -42,11 +42,30 @@ Workers = Annotated[
 @study.command()
 def corners(
     environment: Annotated[
-        Literal["A", "B", "room", "random"],
-        typer.Option("--environment", help="A, B: like the paper's; room: the demo's; random: 20 rooms, many poses."),
+        Literal["A", "B", "room", "random", "cluttered"],
+        typer.Option(
+            "--environment",
+            help="A, B: like the paper's; room: the demo's; random, cluttered: rooms drawn at random, many poses.",
+        ),
     ],
     scans: Annotated[int, typer.Option("--scans", min=1, help="Noisy scans; all methods see the same.")] = 1000,
-    sigma_range_mm: SigmaRange = 20.0,
+    rooms: Annotated[
+        int | None,
+        typer.Option(
+            "--rooms", min=1, help="Rooms drawn; default: 20 random or 40 cluttered ones.", show_default=False
+        ),
+    ] = None,
+    sensor: SimulatedSensor = "rplidar-s1",
+    effects: EffectsOption = "off",
+    sigma_range_mm: Annotated[
+        float | None,
+        typer.Option(
+            "--sigma-range-mm",
+            min=0.001,
+            help="Standard deviation of a range [mm]; default: that of the sensor preset.",
+            show_default=False,
+        ),
+    ] = None,
     seed: Seed = 1,
     scheduler: Scheduler = None,
     workers: Workers = None,
@@ -57,7 +76,12 @@ def corners(
     from slam.study.paper.corners import CornerSettings
     from slam.study.paper.report import study_corners
 
-    settings = CornerSettings(environment=environment, scans=scans, sigma_range_mm=sigma_range_mm, seed=seed)
+    check_simulated(sensor)
+    chosen = {"sigma_range_mm": sigma_range_mm, "rooms": rooms}
+    settings = CornerSettings.model_validate(
+        {"environment": environment, "scans": scans, "sensor": sensor, "effects": effects, "seed": seed}
+        | {name: value for name, value in chosen.items() if value is not None}
+    )
     with _begun("corners", f"corners-{environment}", settings, out, overwrite, scheduler, workers) as (client, folder):
         _print(study_corners(client, folder, settings), folder)
 

@@ -78,7 +78,11 @@ def _rectangle(centre: Array, length: float, width: float) -> shapely.Polygon:
 
 def _moved(shape: BaseGeometry, origin: Array, angle: float) -> BaseGeometry:
     c, s = math.cos(angle), math.sin(angle)
-    return affinity.affine_transform(shape, [c, -s, s, c, float(origin[0]), float(origin[1])])
+
+    def move(points: Array) -> Array:
+        return points @ np.array([[c, s], [-s, c]]) + origin
+
+    return shapely.transform(shape, move)  # pyright: ignore[reportUnknownVariableType]  # shapely leaves it open
 
 
 def _legs(rng: np.random.Generator, length: float, width: float, thickest: float) -> BaseGeometry:
@@ -169,19 +173,25 @@ def _bay(rng: np.random.Generator) -> Piece:
     return Piece(shapely.Polygon(), shapely.Polygon(np.vstack([bow, mouth])))
 
 
-AT_WALLS: Mapping[str, Draw] = MappingProxyType(
-    {"niche": _niche, "cupboard": _cupboard, "door": _door, "bay": _bay, "pillar": _pillar_at_wall}
-)
-"""What stands at walls or opens off them, by kind."""
-
-IN_ROOMS: Mapping[str, Draw] = MappingProxyType(
+AT_WALLS: Mapping[str, tuple[Draw, int]] = MappingProxyType(
     {
-        "table": _table,
-        "chair": _chair,
-        "column": _column,
-        "curved desk": _curved_desk,
-        "pillar": _pillar,
-        "box": _box,
+        "bay": (_bay, 1),
+        "door": (_door, 2),
+        "niche": (_niche, 4),
+        "cupboard": (_cupboard, 3),
+        "pillar": (_pillar_at_wall, 3),
     }
 )
-"""What stands in the middle of a room, by kind."""
+"""What stands at walls or opens off them, by kind, and how many of it a room of middle size has at most."""
+
+IN_ROOMS: Mapping[str, tuple[Draw, int]] = MappingProxyType(
+    {
+        "curved desk": (_curved_desk, 1),
+        "column": (_column, 2),
+        "box": (_box, 2),
+        "table": (_table, 2),
+        "chair": (_chair, 3),
+        "pillar": (_pillar, 2),
+    }
+)
+"""What stands in the middle of a room, by kind, and how many of it a room of middle size has at most."""

@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from slam.cli.options import EffectsOption, OdometryOption, People, SimulatedSensor
+from slam.cli.options import EffectsOption, OdometryOption, People, SimulatedSensor, check_simulated
 
 
 def simulate(
@@ -33,14 +33,11 @@ def simulate(
     from sim.sensing.effects import effects_of
     from sim.sensing.lidar import Lidar
     from sim.worlds.catalogue import find_site
-    from slam.errors import ConfigError
     from slam.run.interrupt import Interrupt
     from slam.run.progress_bar import ProgressBar
 
-    try:
-        lidar = Lidar.of_preset(sensor, effects=effects_of(effects, sensor))
-    except ValueError as error:
-        raise ConfigError(f"--sensor: {error}") from None
+    check_simulated(sensor)
+    lidar = Lidar.of_preset(sensor, effects=effects_of(effects, sensor))
     site = find_site(world_name)
     waypoints = None if path is None else read_waypoints(path)
     source = site_run(

@@ -19,7 +19,7 @@ KEYS = [method.key for method in METHODS]
 EVERYWHERE = [(environment, sigma) for environment in ("A", "B", "random") for sigma in (10.0, 20.0)]
 
 
-def scan_corners(settings: CornerSettings) -> tuple[list[Seen], dict[str, Found]]:
+def scan_corners(settings: CornerSettings) -> tuple[list[Seen], dict[str, Found], dict[str, int]]:
     """Do all tasks, one after the other."""
     return collect_results(
         settings, [scan_task(settings, task, task_seed(settings.seed, task)) for task in range(task_count(settings))]
@@ -27,13 +27,15 @@ def scan_corners(settings: CornerSettings) -> tuple[list[Seen], dict[str, Found]
 
 
 @pytest.fixture(scope="module", params=EVERYWHERE, ids=lambda param: f"{param[0]}-{param[1]:g}mm")
-def studied(request: pytest.FixtureRequest) -> tuple[CornerSettings, list[Seen], dict[str, Found]]:
+def studied(request: pytest.FixtureRequest) -> tuple[CornerSettings, list[Seen], dict[str, Found], dict[str, int]]:
     environment, sigma = request.param
     settings = CornerSettings(environment=environment, scans=150, sigma_range_mm=sigma, seed=3)
     return settings, *scan_corners(settings)
 
 
-def test_the_default_errs_as_much_as_it_claims(studied: tuple[CornerSettings, list[Seen], dict[str, Found]]) -> None:
+def test_the_default_errs_as_much_as_it_claims(
+    studied: tuple[CornerSettings, list[Seen], dict[str, Found], dict[str, int]],
+) -> None:
     """Mean NEES/2 of 1000 corners and more has a standard deviation of 0.03 at most; the bounds are three of them."""
     found = studied[2]["effective-variance"]
     assert len(found.errors) > 900
@@ -44,7 +46,7 @@ def test_the_default_errs_as_much_as_it_claims(studied: tuple[CornerSettings, li
 
 
 def test_the_papers_covariance_promises_too_little(
-    studied: tuple[CornerSettings, list[Seen], dict[str, Found]],
+    studied: tuple[CornerSettings, list[Seen], dict[str, Found], dict[str, int]],
 ) -> None:
     paper, propagated = studied[2]["cwlf-paper"], studied[2]["cwlf-propagated"]
     assert paper.nees.mean() / 2.0 > 1.3
@@ -52,17 +54,19 @@ def test_the_papers_covariance_promises_too_little(
 
 
 def test_the_default_is_no_less_accurate_than_any_other(
-    studied: tuple[CornerSettings, list[Seen], dict[str, Found]],
+    studied: tuple[CornerSettings, list[Seen], dict[str, Found], dict[str, int]],
 ) -> None:
     """Within 5 %: the corners that one method reports and another does not are few, but among the worst."""
     rms = {key: np.sqrt((lot.errors[~lot.false] ** 2).mean()) for key, lot in studied[2].items()}
     assert rms["effective-variance"] <= 1.05 * min(rms.values())
 
 
-def test_tables_hold_what_was_found(studied: tuple[CornerSettings, list[Seen], dict[str, Found]]) -> None:
-    settings, seen, found = studied
+def test_tables_hold_what_was_found(
+    studied: tuple[CornerSettings, list[Seen], dict[str, Found], dict[str, int]],
+) -> None:
+    settings, seen, found, clear_found = studied
     rows = corner_rows(seen, found)
-    summary = summarise(settings, seen, found, rows)
+    summary = summarise(settings, seen, found, clear_found, rows)
     corners = {"A": 23, "B": 15}.get(settings.environment)
     for key in KEYS:
         mine = [row for row in rows if row["method"] == key]
@@ -73,7 +77,7 @@ def test_tables_hold_what_was_found(studied: tuple[CornerSettings, list[Seen], d
         assert 0.8 < of["detected_clear"] <= 1.0
     paper = PAPER_MEANS_MM.get(settings.environment, {}).get("cwlf-paper")
     assert summary["methods"]["cwlf-paper"]["paper_sigma_mm"] == (list(paper) if paper else None)
-    assert len(summary_lines(summary)) == len(KEYS) + 4
+    assert len(summary_lines(summary)) == 2 * len(KEYS) + 6
 
 
 @pytest.mark.slow
