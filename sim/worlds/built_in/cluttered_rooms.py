@@ -40,13 +40,10 @@ _NECK = 0.1
 _KEPT = 0.35
 """Least share of that space of the empty room that furniture leaves."""
 
-_KIND = 0.6
-"""Probability that a room has pieces of a kind at all."""
-
 _MIDDLE = 50.0
 """Area of a room of middle size [m^2]; the most that a room has of a kind grows in proportion."""
 
-_TRIES = 8
+_TRIES = 20
 """Places that are tried for a piece before it is left out."""
 
 
@@ -80,11 +77,11 @@ def cluttered_room(seed: int) -> World:
 
 
 def _pieces(
-    kinds: Mapping[str, tuple[Draw, int]], area: float, rng: np.random.Generator
+    kinds: Mapping[str, tuple[Draw, float, int]], area: float, rng: np.random.Generator
 ) -> Iterator[tuple[str, Piece]]:
     """Draw the pieces of some kinds for a room of an area [m^2]."""
-    for kind, (draw, most) in kinds.items():
-        if rng.random() < _KIND:
+    for kind, (draw, probability, most) in kinds.items():
+        if rng.random() < probability:
             for _ in range(int(rng.integers(1, math.ceil(most * area / _MIDDLE), endpoint=True))):
                 yield kind, draw(rng)
 
@@ -117,7 +114,7 @@ def _corner(rng: np.random.Generator, before: Array, corner: Array, after: Array
         b = min(most, a * math.tan(math.radians(rng.uniform(30.0, 60.0))))
         return np.array([corner + a * back, corner + b * on])
     half = math.acos(float(back @ on)) / 2.0
-    if kind < 0.3 and most * math.tan(half) > 1.0:
+    if kind < 0.27 and most * math.tan(half) > 1.0:
         radius = rng.uniform(1.0, min(3.0, most * math.tan(half)))
         inwards = (back + on) / np.hypot(*(back + on))
         first = math.atan2(*(-inwards)[::-1]) - (math.pi / 2.0 - half)
