@@ -108,8 +108,23 @@ def consistency(
 def slam(
     seeds: Annotated[int, typer.Option("--seeds", min=1, help="Simulated runs, each with a seed of its own.")] = 100,
     world: Annotated[
-        str, typer.Option("--world", help="What the robot drives through: name of a built-in world, or file.")
+        str,
+        typer.Option(
+            "--world",
+            help="What the robot drives through: name of a built-in world, or file; cluttered-room-* or random-room-*: "
+            "another room in each run.",
+        ),
     ] = "room",
+    sensor: SimulatedSensor = "rplidar-s1",
+    sigma_range_mm: Annotated[
+        float | None,
+        typer.Option(
+            "--sigma-range-mm",
+            min=0.001,
+            help="True standard deviation of a range; the configuration keeps that of the preset, the default [mm].",
+            show_default=False,
+        ),
+    ] = None,
     effects: EffectsOption = "ideal",
     odometry: OdometryOption = "poor",
     people: People = 0,
@@ -127,21 +142,18 @@ def slam(
 ) -> None:
     """Run the whole pipeline on simulated runs: errors, NEES, NIS, associations and duplicates against the truth."""
     from slam.study.monte_carlo.report import study_slam
-    from slam.study.monte_carlo.runs import MonteCarloSettings, simulated_run, study_config
+    from slam.study.monte_carlo.runs import EACH, MonteCarloSettings, simulated_run, study_config
     from slam.study.tasks.run import failure_message
 
-    settings = MonteCarloSettings(
-        world=world,
-        effects=effects,
-        odometry=odometry,
-        people=people,
-        seeds=seeds,
-        scans=limit or 0,
-        seed=seed,
-        config=study_config(config),
-    )
+    check_simulated(sensor)
+    given = {"world": world, "sensor": sensor, "effects": effects, "odometry": odometry, "people": people}
+    given |= {"seeds": seeds, "scans": limit or 0, "seed": seed, "config": study_config(config, sensor)}
+    if sigma_range_mm is not None:
+        given["sigma_range_mm"] = sigma_range_mm
+    settings = MonteCarloSettings.model_validate(given)
     # What is wrong with the world is told at once, and once.
     name = simulated_run(settings, seed).name
+    name = world.removesuffix(EACH) if world.endswith(EACH) else name
     with _begun("slam", f"slam-{name}", settings, out, overwrite, scheduler, workers) as (client, folder):
         lines, failures = study_slam(client, folder, settings)
         _print(lines, folder)
