@@ -146,7 +146,8 @@ def slam(
     from slam.study.tasks.run import failure_message
 
     check_simulated(sensor)
-    given = {"world": world, "sensor": sensor, "effects": effects, "odometry": odometry, "people": people}
+    given: dict[str, object] = {"world": world, "sensor": sensor}
+    given |= {"effects": effects, "odometry": odometry, "people": people}
     given |= {"seeds": seeds, "scans": limit or 0, "seed": seed, "config": study_config(config, sensor)}
     if sigma_range_mm is not None:
         given["sigma_range_mm"] = sigma_range_mm

@@ -85,9 +85,8 @@ def batch_means(results: Sequence[Mapping[str, Any]]) -> dict[str, dict[str, Any
             continue
         mean, interval = float(values.mean()), None
         if len(values) > 1:
-            quantile = float(np.asarray(student.ppf(0.975, len(values) - 1)))
-            half = quantile * float(values.std(ddof=1)) / len(values) ** 0.5
-            interval = [mean - half, mean + half]
+            quantiles = np.asarray(student.ppf([0.025, 0.975], len(values) - 1))
+            interval = (mean + quantiles * values.std(ddof=1) / len(values) ** 0.5).tolist()
         means[name] = {"runs": len(values), "mean": mean, "expected": expected, "interval_95": interval}
     return means
 
@@ -95,7 +94,7 @@ def batch_means(results: Sequence[Mapping[str, Any]]) -> dict[str, dict[str, Any
 def _figure(result: Mapping[str, Any], name: str) -> float | None:
     if name.startswith("landmark"):
         return result["row"][name]
-    return None if result[name] is None else float(np.mean(result[name])) / POSE_DIM
+    return None if result[name] is None else float(np.array(result[name]).mean()) / POSE_DIM
 
 
 def batch_means_table(means: Mapping[str, Mapping[str, Any] | None]) -> list[list[str]]:

@@ -275,8 +275,8 @@ def summary_tables(summary: Mapping[str, Any]) -> tuple[list[list[str]], ...]:
 def monte_carlo_lines(summary: Mapping[str, Any]) -> list[str]:
     """Lay the summary out for a terminal."""
     lines = [
-        f"{summary['runs']} runs through {summary['world']}, {summary['sensor']}, effects {summary['effects']}, "
-        f"odometry {summary['odometry']}, {len(summary['failures'])} failed"
+        f"{summary['runs']} runs through {summary['world']}, {len(summary['failures'])} failed; "
+        f"{summary['sensor']}, effects {summary['effects']}, odometry {summary['odometry']}"
     ]
     for cells in summary_tables(summary):
         lines += [f"{row[0]:<30}" + "".join(f"{cell:>18}" for cell in row[1:]) for row in cells]

@@ -102,3 +102,50 @@ def test_a_study_repeats_to_the_byte_and_says_how(tmp_path: Path, client: Client
 def test_another_seed_gives_other_corners() -> None:
     one, two = (scan_corners(CornerSettings(environment="room", scans=2, seed=seed))[1] for seed in (1, 2))
     assert not np.array_equal(one["cwlf-paper"].errors, two["cwlf-paper"].errors)
+
+
+def test_every_reported_corner_counts_phantoms_too() -> None:
+    """Three corners by hand: as claimed, outside its gate, and a phantom."""
+    found = Found(
+        scans=np.array([0, 0, 1]),
+        worlds=np.zeros(3, np.int64),
+        corners=np.array([0, 1, 1]),
+        errors=np.array([[0.01, 0.0], [0.04, 0.0], [0.25, 0.0]]),
+        covs=np.tile(1e-4 * np.eye(2), (3, 1, 1)),
+        clear=np.array([True, True, True]),
+    )
+    seen = Seen("w", np.zeros((2, 2)), np.ones(2), np.arange(2), np.array([2, 2]), np.array([2, 2]))
+    settings = CornerSettings(environment="room", scans=2)
+    reported = summarise(settings, [seen], {"effective-variance": found}, {"effective-variance": 3}, [])["methods"][
+        "effective-variance"
+    ]["reported"]
+    assert reported["corners_per_scan"] == 1.5
+    assert reported["outside_99"] == pytest.approx(2 / 3)
+    assert reported["nees_half"] == pytest.approx((1.0 + 16.0 + 625.0) / 6.0)
+    assert reported["nees_half_median"] == pytest.approx(8.0)
+    assert reported["nees_half_near"] == pytest.approx((1.0 + 16.0) / 4.0)
+    assert reported["outside_99_near"] == 0.5
+    assert reported["phantoms"] == pytest.approx(1 / 3)
+    assert reported["clear_found"] == pytest.approx(3 / 4)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("sensor", "effects"), [("rplidar-s1", "off"), ("rplidar-a1", "on"), ("sick-lms", "on")])
+def test_cluttered_rooms_are_studied_with_any_scanner(sensor: str, effects: str) -> None:
+    """That the covariances hold there is what the study is to tell; here, that clear corners are found and right."""
+    settings = CornerSettings(environment="cluttered", scans=60, rooms=4, sensor=sensor, effects=effects, seed=9)
+    seen, found, clear_found = scan_corners(settings)
+    assert {world.name for world in seen} == {f"cluttered-room-{seed}" for seed in range(36, 40)}
+    default = found["effective-variance"]
+    clear = sum(int(world.clear.sum()) for world in seen)
+    assert clear >= 20
+    assert clear_found["effective-variance"] >= 0.8 * clear
+    assert np.median(default.nees[default.clear]) / 2.0 < 1.5
+
+
+def test_noise_and_rooms_are_those_of_the_preset_and_the_environment_by_default() -> None:
+    by_default = CornerSettings(environment="random")
+    assert (by_default.sigma_range_mm, by_default.rooms) == (20.0, 20)
+    assert by_default.sigma_bearing_deg == round(0.391 / np.sqrt(12.0), 6)
+    cluttered = CornerSettings(environment="cluttered", sensor="rplidar-a1")
+    assert (cluttered.sigma_range_mm, cluttered.rooms) == (12.0, 40)
