@@ -103,8 +103,8 @@ def summarise(
     ``table`` has the means over the corners of the table, as the paper has them; ``pooled`` counts every corner that
     was reported and is not a false one; the paper's own means are added where it has any. ``reported`` counts every
     corner that was reported, with its error from the nearest true one: share outside its 99 % gate, mean and median of
-    NEES/2, share of phantoms (:data:`PHANTOM_DISTANCE`), share outside and mean of NEES/2 of those that are no phantoms,
-    and share of the clear corners that were found (:data:`FOUND_DISTANCE`).
+    NEES/2, share of phantoms (:data:`PHANTOM_DISTANCE`), share outside and mean of NEES/2 of those that are none, and
+    share of the clear corners that were found (:data:`FOUND_DISTANCE`).
     """
     clear = sum(int(world.clear.sum()) for world in seen)
     methods: dict[str, Any] = {}
@@ -161,16 +161,15 @@ def summary_lines(summary: Mapping[str, Any]) -> list[str]:
     lines += [
         "claimed and true RMS: means over the corners of the table; NEES/2, outside and RMS: all corners reported that "
         f"are nearer than {FALSE_DISTANCE:g} m to a true one",
-        f"{'every corner reported':<30}{'outside':>9}{'NEES/2':>10}{'median':>8}{'phantoms':>10}{'no phantom: outside, NEES/2':>29}"
-        f"{'clear found':>13}{'a scan':>8}",
+        f"{'every corner reported':<30}{'outside':>9}{'NEES/2':>10}{'median':>8}{'phantoms':>10}"
+        f"{'no phantom: outside, NEES/2':>29}{'clear found':>13}{'a scan':>8}",
     ]
     for key, of in summary["methods"].items():
         reported = of["reported"]
         lines.append(
             f"{LABELS[key]:<30}{reported['outside_99']:>9.2%}{reported['nees_half']:>10.3f}"
             f"{reported['nees_half_median']:>8.3f}{reported['phantoms']:>10.2%}{reported['outside_99_near']:>18.2%}"
-            f"{reported['nees_half_near']:>11.3f}"
-            f"{reported['clear_found']:>13.2%}{reported['corners_per_scan']:>8.2f}"
+            f"{reported['nees_half_near']:>11.3f}{reported['clear_found']:>13.2%}{reported['corners_per_scan']:>8.2f}"
         )
     lines.append(
         f"phantoms: farther than {PHANTOM_DISTANCE:g} m from every true corner; clear corners are found where one is "
