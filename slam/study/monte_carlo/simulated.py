@@ -15,6 +15,7 @@ from slam.filter.landmark_table import MERGED, REMOVED
 from slam.map.landmark_map import LandmarkMap
 from slam.pipeline import Slam
 from slam.result.trajectory import Trajectory
+from slam.study.monte_carlo.batch_means import landmark_figures
 from slam.study.monte_carlo.truth import AssociationScore, ClosureScore, true_corners
 
 INSTANTS = 20
@@ -98,7 +99,7 @@ def simulate(source: SimulatedRun, config: SlamConfig, scans: int = 0) -> dict[s
         "graph_converged": result.metrics.graph_converged,
     }
     return {
-        "row": row,
+        "row": row | landmark_figures(source.world, result.landmarks),
         "nees_ekf": nees(np.array(errors)[latest], np.array(covs)[latest]).tolist(),
         "nees_graph": _graph_nees(slam, source.poses_world_robot, instants),
     }
