@@ -26,7 +26,7 @@ from features.signature import Kind
 DEFAULT_CONFIG = ExtractionConfig()
 
 TURN_OF_BEND = 12.0
-"""Turn of a parabola from end to end, times its length, over how far its ends are off its regression line (eq. M102)."""
+"""Turn of a parabola from end to end, times its length, over how far its ends are off its line (eq. M102)."""
 
 CONCAVE, CONVEX = int(Kind.CONCAVE), int(Kind.CONVEX)
 
