@@ -175,6 +175,9 @@ def test_a_field_of_view_cuts_sections_and_does_not_wrap():
     corners = visible_corners(World.from_polygons("square", [SQUARE]), CENTRE, 15, 0.5, angles)
     assert corners.tolist() == [1, 2]
     assert len(visible_corners(World.from_polygons("square", [SQUARE]), CENTRE, 46, 0.5, angles)) == 0
+    nearly_all = visible_sections(World.from_polygons("square", [SQUARE]), CENTRE, np.radians(np.arange(-170.5, 171.0)))
+    assert nearly_all.wall_ids.tolist() == [3, 0, 1, 2, 3]
+    assert nearly_all.beam_counts.tolist() == [36, 90, 90, 90, 36]
 
 
 def test_beams_over_the_full_turn_are_the_same_by_number_and_by_direction():
