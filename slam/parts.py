@@ -96,10 +96,14 @@ def line_odometry(
         )
     else:
         motion = WheelMotion(wheels, rules.wheels)
-    extraction = config.extraction
     sensor = config.sensor.model()
-    line_distance = max(extraction.split_distance_mm * 1e-3, extraction.split_sigmas * sensor.sigma_range)
-    return LineOdometry(pose_map_robot, motion, sensor, line_distance, odometry.key_frames, rules.odometry)
+    distance = line_distance(config.extraction, sensor)
+    return LineOdometry(pose_map_robot, motion, sensor, distance, odometry.key_frames, rules.odometry)
+
+
+def line_distance(extraction: ExtractionConfig, sensor: SensorModel) -> float:
+    """How far a point may lie from the line of its scan, as the extraction has it [m]."""
+    return max(extraction.split_distance_mm * 1e-3, extraction.split_sigmas * sensor.sigma_range)
 
 
 def gates(config: SlamConfig, rules: SlamRules) -> Gates:

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from drivers.frame import Frame
+from features.noise.gauge import NoiseGauge
 from features.scan import LaserScan
 from features.se2 import Array, Pose, compose
 from slam.config import SlamConfig
@@ -25,7 +26,7 @@ from slam.graph.values import Closure
 from slam.key_frame import KeyFrame
 from slam.map.landmark_map import landmark_map
 from slam.odometry.deskew import deskew_by_odometry
-from slam.parts import FIRST_POSE_COV, CwlfExtractor, Estimators, loop_closer, trust_monitor
+from slam.parts import FIRST_POSE_COV, CwlfExtractor, Estimators, line_distance, loop_closer, trust_monitor
 from slam.result.assemble import assemble_result
 from slam.result.records import Records
 from slam.result.result import SlamResult
@@ -71,6 +72,8 @@ class Slam:
         self._solution: Solution | None = None
         self._sensor = config.sensor.model()
         self._extractor: Extractor = extractor or CwlfExtractor(config.extraction)
+        use = config.sensor.noise == "measured"
+        self._gauge = NoiseGauge(self._sensor, self._extractor, use=use, rules=rules.noise)
         self._associator = associator
         self._back_end = back_end
         self._graph = self._new_graph()
@@ -184,7 +187,18 @@ class Slam:
         if frame.scan is None:
             return None
         with self._clock.timed("extract"):
-            return view_of_scan(self._without_motion(frame.scan), self._sensor, self._extractor)
+            scan = self._without_motion(frame.scan)
+            self._measure_noise(scan)
+            view = view_of_scan(scan, self._sensor, self._extractor)
+            if view.features is not None and (sigma := self._gauge.watch(scan, view.features.lines)) is not None:
+                self._monitor.scattered(frame.stamp, sigma, self._sensor.sigma_range)
+            return view
+
+    def _measure_noise(self, scan: LaserScan) -> None:
+        """Let the gauge see a scan; what it measures holds from this scan on."""
+        if self._gauge.see(scan):
+            self._sensor = sensor = self._gauge.sensor
+            self._estimators.odometry.use_sensor(sensor, line_distance(self.config.extraction, sensor))
 
     def _without_motion(self, scan: LaserScan) -> LaserScan:
         """Undo the motion of the robot during a scan, if it is configured and the times of the beams are known."""
@@ -330,6 +344,7 @@ class Slam:
             observations=replace(self._observations),
             landmark_life=solution.table.counts(self.config.map.min_observations),
             closures=replace(self._closer.counts, revoked=len(solution.estimate.revoked)),
+            noise=self._gauge.summary(),
             nis=self._monitor.nis,
             trust=self.trust,
             stages=self._clock.stages(),

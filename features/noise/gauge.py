@@ -1,0 +1,171 @@
+"""A gauge of the noise of a scanner, which a run carries along."""
+
+import math
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from features.feature import Lines
+from features.noise.measure import Extract, RangeNoise, line_scatter, measure_sigma, pooled_noise, triples_of_scans
+from features.noise.rules import NoiseRules
+from features.noise.steps import no_return_range, range_step
+from features.scan import LaserScan
+from features.se2 import Array
+from features.sensor import SensorModel
+
+
+@dataclass(frozen=True, slots=True)
+class NoiseSummary:
+    """What a run knows of the noise of its scanner.
+
+    Parameters
+    ----------
+    used : ``measured`` where the run uses what it measured, ``given`` where it uses the configuration.
+    scans : scans of the start, on which it was measured.
+    sigma_range_mm : measured standard deviation of a range; None where the scans showed too few walls [mm].
+    error : relative standard error of it, None likewise.
+    growth_mm_per_m : growth of the standard deviation with range; 0 where it is within chance [mm/m].
+    range_step_mm : step of the ranges, 0 for none [mm].
+    no_return_m : range that stands for no return, None for none [m].
+    in_use_mm : standard deviation of a range that the run uses [mm].
+    given_mm : that of the configuration [mm].
+    range_max_m : largest range in use [m].
+    """
+
+    used: str
+    scans: int
+    sigma_range_mm: float | None
+    error: float | None
+    growth_mm_per_m: float
+    range_step_mm: float
+    no_return_m: float | None
+    in_use_mm: float
+    given_mm: float
+    range_max_m: float
+
+    @property
+    def sentence(self) -> str:
+        """All of it in one line."""
+        if self.sigma_range_mm is None:
+            said = f"too few walls in {self.scans} scans to measure it, {self.in_use_mm:.3g} mm as given"
+        else:
+            said = f"{self.sigma_range_mm:.3g} mm measured on {self.scans} scans, {self.given_mm:.3g} mm given"
+            if self.used == "given":
+                said += " and used"
+        grows = f", growing by {self.growth_mm_per_m:.2g} mm/m" if self.growth_mm_per_m > 0.0 else ""
+        steps = f", steps of {self.range_step_mm:.3g} mm" if self.range_step_mm > 0.0 else ""
+        empty = "" if self.no_return_m is None else f", {self.no_return_m:.2f} m is no return"
+        return f"noise of a range: {said}{grows}{steps}{empty}"
+
+
+class NoiseGauge:
+    """Measures the noise of a scanner while a run goes on.
+
+    At the scans 1, 2, 4, ... it is measured on all scans so far: those of the start are extracted anew, of the later
+    ones the lines that the run extracted count.
+
+    Parameters
+    ----------
+    model : sensor as it was configured.
+    extract : the extraction of the run.
+    use : whether the run is to use what is measured.
+    rules : see there.
+
+    Attributes
+    ----------
+    sensor : model to use.
+    """
+
+    def __init__(self, model: SensorModel, extract: Extract, *, use: bool, rules: NoiseRules) -> None:
+        self.sensor = model
+        self._given = self._limited = model
+        self._extract = extract
+        self._use = use
+        self._rules = rules
+        self._start: list[LaserScan] = []
+        self._scatter: list[Array] = []
+        self._scans = self._measured = 0
+        self._noise: RangeNoise | None = None
+        self._step = 0.0
+        self._no_return: float | None = None
+
+    def see(self, scan: LaserScan) -> bool:
+        """See a scan before its features are extracted; return whether :attr:`sensor` has changed."""
+        self._scans += 1
+        if self._scans <= self._rules.start_scans:
+            self._start.append(scan)
+        else:
+            self._start.clear()
+        # A power of two.
+        if self._scans & (self._scans - 1):
+            return False
+        before = self.sensor
+        if self._start:
+            self._measure()
+        else:
+            self._noise = pooled_noise(np.concatenate(self._scatter), self._rules) or self._noise
+        self._measured = self._scans
+        if self._use:
+            self._take()
+        return self.sensor != before
+
+    def _measure(self) -> None:
+        """Measure all from the scans of the start."""
+        scans, rules, model = self._start, self._rules, self._given
+        self._step = range_step(np.concatenate([scan.ranges[model.returned(scan.ranges)] for scan in scans]), rules)
+        empty = no_return_range(scans, self._step, rules)
+        if empty is not None and empty[1] > model.range_min:
+            self._no_return = empty[0]
+            model = replace(model, range_max=min(model.range_max, empty[1]))
+        self._limited = model
+        self._noise = measure_sigma(scans, model, self._extract, rules)
+
+    def _take(self) -> None:
+        """Use what was measured."""
+        model = self._limited
+        if self._noise is not None:
+            sigma = self._noise.sigma
+        else:
+            # Triples do not see what the noise of neighbours has in common: they tell only that there is more noise.
+            sigma = max(self._given.sigma_range, triples_of_scans(self._start, model) or 0.0)
+        self.sensor = replace(model, sigma_range=max(sigma, self._step / math.sqrt(12.0)))
+
+    def watch(self, scan: LaserScan, lines: Lines) -> float | None:
+        """Take in the lines of a scan, extracted with :attr:`sensor`.
+
+        Returns
+        -------
+        Standard deviation of a range that the latest scans show [m], where :attr:`sensor` has another; else None.
+        """
+        rules = self._rules
+        self._scatter.append(line_scatter(scan, lines, self.sensor, rules))
+        if self._scans == rules.start_scans and self._noise is not None and self._contradicts(self._noise):
+            return self._noise.sigma
+        if self._scans % rules.window:
+            return None
+        noise = pooled_noise(np.concatenate(self._scatter[-rules.window :]), rules)
+        return noise.sigma if noise is not None and self._contradicts(noise) else None
+
+    def _contradicts(self, noise: RangeNoise) -> bool:
+        """Whether the variance in use and the one seen differ by more than a factor and chance."""
+        rules = self._rules
+        factor = abs(2.0 * math.log(noise.sigma / self.sensor.sigma_range))
+        return factor > math.log(rules.contradiction) + rules.significance * 2.0 * noise.error
+
+    def summary(self) -> NoiseSummary | None:
+        """What is known so far; None before the first scan."""
+        if not self._scans:
+            return None
+        noise = self._noise
+        return NoiseSummary(
+            used="measured" if self._use else "given",
+            scans=self._measured,
+            sigma_range_mm=None if noise is None else 1e3 * noise.sigma,
+            error=None if noise is None else noise.error,
+            growth_mm_per_m=0.0 if noise is None else 1e3 * noise.growth,
+            range_step_mm=1e3 * self._step,
+            no_return_m=self._no_return,
+            in_use_mm=1e3 * self.sensor.sigma_range,
+            given_mm=1e3 * self._given.sigma_range,
+            range_max_m=self.sensor.range_max,
+        )
