@@ -86,14 +86,13 @@ def triples_of_scans(scans: Sequence[LaserScan], model: SensorModel) -> float | 
 def line_scatter(scan: LaserScan, lines: Lines, model: SensorModel, rules: NoiseRules) -> Array:
     """Variance of a range, its degrees of freedom and the mean range of the lines that show it, shape (m, 3).
 
-    The residuals about a parabola count, so that a bend of a wall does not; a line whose residuals bearings dominate
-    shows nothing of the ranges and is left out (eq. M107).
+    A line whose residuals bearings dominate shows little of the ranges and is left out (eq. M107).
     """
     found = scatter_kernel(
         scan.ranges, scan.angles, model.range_min, model.range_max, model.sigma_range**2, model.sigma_bearing**2,
         lines.records, rules.least_points,
     )  # fmt: skip
-    freedom = np.maximum(lines.counts - 3.0, 0.0)
+    freedom = np.maximum(lines.counts - 2.0, 0.0)
     return found[(found[:, 1] > 0.0) & (found[:, 1] >= rules.range_share**2 * freedom)]
 
 
