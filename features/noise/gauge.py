@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from features.feature import Lines
-from features.noise.measure import Extract, RangeNoise, line_scatter, measure_sigma, pooled_noise, triples_of_scans
+from features.noise.measure import Extract, RangeNoise, line_scatter, measure_sigma, pooled_noise
 from features.noise.rules import NoiseRules
 from features.noise.steps import no_return_range, range_step
 from features.scan import LaserScan
@@ -59,10 +59,9 @@ class NoiseSummary:
 
 
 class NoiseGauge:
-    """Measures the noise of a scanner while a run goes on.
+    """Measures the noise of a scanner on the first scans of a run, and watches it afterwards.
 
-    At the scans 1, 2, 4, ... it is measured on all scans so far: those of the start are extracted anew, of the later
-    ones the lines that the run extracted count.
+    Where the first scans show too few walls, twice as many are taken, and so on up to a limit.
 
     Parameters
     ----------
@@ -74,76 +73,73 @@ class NoiseGauge:
     Attributes
     ----------
     sensor : model to use.
+    ready : whether it is final.
     """
 
     def __init__(self, model: SensorModel, extract: Extract, *, use: bool, rules: NoiseRules) -> None:
         self.sensor = model
-        self._given = self._limited = model
+        self.ready = False
+        self._given = model
         self._extract = extract
         self._use = use
         self._rules = rules
         self._start: list[LaserScan] = []
+        self._next = rules.start_scans
+        self._measured = 0
         self._scatter: list[Array] = []
-        self._scans = self._measured = 0
         self._noise: RangeNoise | None = None
         self._step = 0.0
         self._no_return: float | None = None
 
     def see(self, scan: LaserScan) -> bool:
-        """See a scan before its features are extracted; return whether :attr:`sensor` has changed."""
-        self._scans += 1
-        if self._scans <= self._rules.start_scans:
-            self._start.append(scan)
-        else:
-            self._start.clear()
-        # A power of two.
-        if self._scans & (self._scans - 1):
+        """See a scan as it was taken; return whether :attr:`sensor` has changed."""
+        self._start.append(scan)
+        if len(self._start) < self._next:
             return False
-        before = self.sensor
-        if self._start:
-            self._measure()
-        else:
-            self._noise = pooled_noise(np.concatenate(self._scatter), self._rules) or self._noise
-        self._measured = self._scans
-        if self._use:
-            self._take()
-        return self.sensor != before
+        self._next *= 2
+        return self._measure(last=self._next > self._rules.most_scans)
 
-    def _measure(self) -> None:
-        """Measure all from the scans of the start."""
-        scans, rules, model = self._start, self._rules, self._given
+    def end(self) -> bool:
+        """Measure on the scans so far, as no more will come; return whether :attr:`sensor` has changed."""
+        return bool(self._start) and self._measure(last=True)
+
+    def leave(self) -> None:
+        """Measure nothing."""
+        self.ready = True
+
+    def _measure(self, *, last: bool) -> bool:
+        scans, rules, before, model = self._start, self._rules, self.sensor, self._given
+        self._measured = len(scans)
         self._step = range_step(np.concatenate([scan.ranges[model.returned(scan.ranges)] for scan in scans]), rules)
         empty = no_return_range(scans, self._step, rules)
         if empty is not None and empty[1] > model.range_min:
             self._no_return = empty[0]
             model = replace(model, range_max=min(model.range_max, empty[1]))
-        self._limited = model
         self._noise = measure_sigma(scans, model, self._extract, rules)
-
-    def _take(self) -> None:
-        """Use what was measured."""
-        model = self._limited
-        if self._noise is not None:
-            sigma = self._noise.sigma
-        else:
-            # Triples do not see what the noise of neighbours has in common: they tell only that there is more noise.
-            sigma = max(self._given.sigma_range, triples_of_scans(self._start, model) or 0.0)
-        self.sensor = replace(model, sigma_range=max(sigma, self._step / math.sqrt(12.0)))
+        self.ready = last or self._noise is not None
+        if self._use:
+            sigma = self._given.sigma_range if self._noise is None else self._noise.sigma
+            self.sensor = replace(model, sigma_range=max(sigma, self._step / math.sqrt(12.0)))
+        if self.ready:
+            self._start = []
+        return self.sensor != before
 
     def watch(self, scan: LaserScan, lines: Lines) -> float | None:
-        """Take in the lines of a scan, extracted with :attr:`sensor`.
+        """Watch a scan and its lines, extracted with :attr:`sensor`.
 
         Returns
         -------
-        Standard deviation of a range that the latest scans show [m], where :attr:`sensor` has another; else None.
+        Standard deviation of a range that the latest scans, or those of the start, show where :attr:`sensor` has
+        another [m]; else None.
         """
+        if not self.ready:
+            return None
         rules = self._rules
         self._scatter.append(line_scatter(scan, lines, self.sensor, rules))
-        if self._scans == rules.start_scans and self._noise is not None and self._contradicts(self._noise):
-            return self._noise.sigma
-        if self._scans % rules.window:
-            return None
-        noise = pooled_noise(np.concatenate(self._scatter[-rules.window :]), rules)
+        noise = self._noise if len(self._scatter) == 1 else None
+        if len(self._scatter) == rules.window:
+            noise = pooled_noise(np.concatenate(self._scatter), rules)
+            self._scatter = self._scatter[:0]
         return noise.sigma if noise is not None and self._contradicts(noise) else None
 
     def _contradicts(self, noise: RangeNoise) -> bool:
@@ -153,8 +149,8 @@ class NoiseGauge:
         return factor > math.log(rules.contradiction) + rules.significance * 2.0 * noise.error
 
     def summary(self) -> NoiseSummary | None:
-        """What is known so far; None before the first scan."""
-        if not self._scans:
+        """What is known so far; None where nothing was measured."""
+        if not self._measured:
             return None
         noise = self._noise
         return NoiseSummary(

@@ -13,7 +13,7 @@ class NoiseRules:
     fewest_lines : lines of which a median is taken, at least.
     range_share : part of the variance of its residuals that ranges cause, at least, of a line that is measured.
     usable_error : relative standard error of sigma_range up to which it is used.
-    start_scans : scans that are extracted again with each new sigma; after them it is refined only.
+    start_scans, most_scans : scans on which it is measured, and at most where these show too few walls.
     window : scans after the start from which the noise is watched.
     start : first sigma as a share of that of triples.
     rounds : extractions with the sigma of the one before, at most.
@@ -34,6 +34,7 @@ class NoiseRules:
     range_share: float = 0.5
     usable_error: float = 0.1
     start_scans: int = 16
+    most_scans: int = 128
     window: int = 128
     start: float = 0.5
     rounds: int = 10

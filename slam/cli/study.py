@@ -89,6 +89,10 @@ def slam(
     effects: EffectsOption = "ideal",
     odometry: OdometryOption = "poor",
     people: People = 0,
+    true_sigma_mm: Annotated[
+        float,
+        typer.Option("--true-sigma-mm", min=0.0, help="True noise of a range [mm]; 0: as the preset has it."),
+    ] = 0.0,
     config: Annotated[
         Path | None, typer.Option("--config", help="TOML file with any of the keys that `cwlf-slam config` prints.")
     ] = None,
@@ -111,6 +115,7 @@ def slam(
         effects=effects,
         odometry=odometry,
         people=people,
+        true_sigma_mm=true_sigma_mm,
         seeds=seeds,
         scans=limit or 0,
         seed=seed,

@@ -79,10 +79,6 @@ class LineOdometry:
         self._scan: ScanPoints | None = None
         self._fit: Registration | None = None
 
-    def use_sensor(self, sensor: SensorModel, line_distance: float) -> None:
-        """Take the scans from now on to be of a sensor of other noise or limits."""
-        self._sensor, self._line_distance = sensor, line_distance
-
     @property
     def pose(self) -> Pose:
         """Pose of the robot, map frame, shape (3,)."""

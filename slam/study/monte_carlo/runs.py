@@ -1,5 +1,6 @@
 """Many simulated runs of the whole pipeline: how large its errors are, and whether they are as large as it claims."""
 
+import dataclasses
 import hashlib
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -71,6 +72,7 @@ class MonteCarloSettings(BaseModel):
     effects: str = Field(default="ideal", description=f"what the scanner does beside: {', '.join(EFFECTS)}")
     odometry: str = Field(default="poor", description=f"errors of the wheels: {', '.join(ODOMETRIES)}")
     people: int = Field(default=0, ge=0, description="who go to and fro beside the path")
+    true_sigma_mm: float = Field(default=0.0, ge=0.0, description="true noise of a range; 0: that of the preset [mm]")
     seeds: int = Field(ge=1, description="runs, each with a seed of its own")
     scans: int = Field(default=0, ge=0, description="a run stops after so many scans; 0: at its end")
     seed: int = Field(default=1, ge=0, description="of the study; those of the runs are made of it")
@@ -102,6 +104,8 @@ def simulated_run(settings: MonteCarloSettings, seed: int) -> SimulatedRun:
     if site_digest(site) != settings.world_digest:
         raise StudyError(f"world {settings.world!r} is not the one that the study was begun with")
     lidar = Lidar.of_preset(SENSOR, effects=EFFECTS[settings.effects])
+    if settings.true_sigma_mm > 0.0:
+        lidar = dataclasses.replace(lidar, sigma_range=1e-3 * settings.true_sigma_mm)
     return site_run(site, lidar, SENSOR, seed, odometry=ODOMETRIES[settings.odometry], people=settings.people)
 
 
