@@ -199,9 +199,7 @@ class Slam:
     def _predict(self, stamp: float, pose_odom_robot: Pose) -> None:
         """Move odometry on to a record; the first one starts the estimators."""
         if self._started is None:
-            self._started = Estimators.start(
-                self.config, self._rules, pose_odom_robot, self._associator, self._sensor
-            )
+            self._started = Estimators.start(self.config, self._rules, pose_odom_robot, self._associator, self._sensor)
         odometry = self._started.odometry
         odometry.predict(stamp, pose_odom_robot)
         self._records.add(stamp, pose_odom_robot, odometry.pose)

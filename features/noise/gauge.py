@@ -61,7 +61,7 @@ class NoiseSummary:
 class NoiseGauge:
     """Measures the noise of a scanner on the first scans of a run, and watches it afterwards.
 
-    Where the first scans show too few walls, twice as many are taken, and so on up to a limit.
+    Where the first scans do not tell it well enough, twice as many are taken, and so on up to a limit.
 
     Parameters
     ----------
@@ -116,12 +116,17 @@ class NoiseGauge:
             self._no_return = empty[0]
             model = replace(model, range_max=min(model.range_max, empty[1]))
         self._noise = measure_sigma(scans, model, self._extract, rules)
-        self.ready = last or self._noise is not None
+        self.ready = last or (self._noise is not None and self._noise.error <= rules.wanted_error)
+        if not self.ready:
+            return False
+        if self._noise is not None:
+            # The lines that tell the noise are nearer than what a scan shows beside them.
+            middle = np.median(np.concatenate([scan.ranges[model.returned(scan.ranges)] for scan in scans]))
+            self._noise = self._noise.carried_to(float(middle))
         if self._use:
             sigma = self._given.sigma_range if self._noise is None else self._noise.sigma
             self.sensor = replace(model, sigma_range=max(sigma, self._step / math.sqrt(12.0)))
-        if self.ready:
-            self._start = []
+        self._start = []
         return self.sensor != before
 
     def watch(self, scan: LaserScan, lines: Lines) -> float | None:
@@ -149,7 +154,7 @@ class NoiseGauge:
         return factor > math.log(rules.contradiction) + rules.significance * 2.0 * noise.error
 
     def summary(self) -> NoiseSummary | None:
-        """What is known so far; None where nothing was measured."""
+        """Sum up what is known so far; None where nothing was measured."""
         if not self._measured:
             return None
         noise = self._noise

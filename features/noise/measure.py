@@ -26,16 +26,24 @@ class RangeNoise:
 
     Parameters
     ----------
-    sigma : standard deviation of a range, over all lines [m].
+    sigma : standard deviation of a range at the range ``at`` [m].
     error : its relative standard error.
     growth : ``g`` in ``variance = constant + (g range)^2`` where that is significant, else 0.
     lines : how many were measured.
+    at : median range of the points that were measured [m].
     """
 
     sigma: float
     error: float
     growth: float
     lines: int
+    at: float
+
+    def carried_to(self, middle: float) -> "RangeNoise":
+        """Noise at another range by its growth [m] (eq. M108)."""
+        variance = self.sigma**2 + self.growth**2 * (middle**2 - self.at**2)
+        # What is nearer than all that was measured has no noise of its own here.
+        return self if variance <= 0.0 else replace(self, sigma=math.sqrt(variance), at=middle)
 
 
 def sigma_of_triples(scan: LaserScan, model: SensorModel) -> float | None:
@@ -51,7 +59,7 @@ def sigma_of_triples(scan: LaserScan, model: SensorModel) -> float | None:
     seen = model.returned(scan.ranges)
     order = np.argsort(scan.angles[seen], kind="stable")
     ranges, angles = scan.ranges[seen][order], scan.angles[seen][order]
-    if ranges.size < 3:  # noqa: PLR2004, a triple
+    if ranges.size < 3:
         return None
     before, at, after = ranges[:-2], ranges[1:-1], ranges[2:]
     to_at, to_after = wrap_angle(angles[1:-1] - angles[:-2]), wrap_angle(angles[2:] - angles[1:-1])
@@ -66,9 +74,7 @@ def sigma_of_triples(scan: LaserScan, model: SensorModel) -> float | None:
     )
     if not usable.any():
         return None
-    before, at, after, to_at, to_after, whole = (
-        each[usable] for each in (before, at, after, to_at, to_after, whole)
-    )
+    before, at, after, to_at, to_after, whole = (each[usable] for each in (before, at, after, to_at, to_after, whole))
     sine = np.sin(whole)
     expected = sine / (np.sin(to_after) / before + np.sin(to_at) / after)
     by_before = expected**2 * np.sin(to_after) / (sine * before**2)
@@ -108,7 +114,14 @@ def pooled_noise(scatter: Array, rules: NoiseRules) -> RangeNoise | None:
     if error > rules.usable_error:
         return None
     sigma = max(math.sqrt(max(variance, 0.0)), rules.least_sigma)
-    return RangeNoise(sigma, error, _growth(scatter, rules), len(scatter))
+    at = _weighted_median(scatter[:, 2], scatter[:, 1])
+    return RangeNoise(sigma, error, _growth(scatter, rules), len(scatter), at)
+
+
+def _weighted_median(values: Array, weights: Array) -> float:
+    order = np.argsort(values)
+    sums = np.cumsum(weights[order])
+    return float(values[order][np.searchsorted(sums, 0.5 * sums[-1])])
 
 
 def _median_variance(scatter: Array) -> tuple[float, float]:
@@ -116,11 +129,8 @@ def _median_variance(scatter: Array) -> tuple[float, float]:
     freedom = scatter[:, 1]
     # Median of chi-square over its mean (Wilson and Hilferty 1931).
     values = scatter[:, 0] / (1.0 - 2.0 / (9.0 * np.maximum(freedom, 1.0))) ** 3
-    order = np.argsort(values)
-    weights = np.cumsum(freedom[order])
-    median = float(values[order][np.searchsorted(weights, 0.5 * weights[-1])])
     # The median of a normal sample has pi / 2 times the variance of its mean.
-    return median, math.sqrt(0.5 * math.pi / (2.0 * float(weights[-1])))
+    return _weighted_median(values, freedom), math.sqrt(0.5 * math.pi / (2.0 * float(freedom.sum())))
 
 
 def _growth(scatter: Array, rules: NoiseRules) -> float:
@@ -146,8 +156,8 @@ def measure_sigma(
     """Measure the standard deviation of a range on scans; None where they show too few walls.
 
     Extraction and estimate need each other. From below, where a smaller sigma cuts walls into pieces that are still
-    smooth, it rises to the smallest sigma that the lines found with it confirm; a larger one may blend surfaces and find
-    itself confirmed by them. Where short pieces tell nothing, a larger one is tried.
+    smooth, it rises to the smallest sigma that the lines found with it confirm; a larger one may blend surfaces and be
+    confirmed by them. Where short pieces tell nothing, a larger one is tried.
     """
     first = triples_of_scans(scans, model)
     if first is None:

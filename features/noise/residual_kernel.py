@@ -16,7 +16,7 @@ Y_ON_X, X_ON_Y, POLAR = (int(form) for form in LineForm)
 
 @inner()
 def _normal(line):
-    """Unit normal and distance of a line of any form: points on it have ``normal_x x + normal_y y = distance``."""
+    """Return unit normal and distance of a line: its points have ``normal_x x + normal_y y = distance``."""
     first = line.params[0]
     if line.form == POLAR:
         return math.cos(first), math.sin(first), line.params[1]

@@ -12,8 +12,8 @@ class NoiseRules:
     least_points : points of a line that is measured.
     fewest_lines : lines of which a median is taken, at least.
     range_share : part of the variance of its residuals that ranges cause, at least, of a line that is measured.
-    usable_error : relative standard error of sigma_range up to which it is used.
-    start_scans, most_scans : scans on which it is measured, and at most where these show too few walls.
+    usable_error, wanted_error : relative standard error of sigma_range up to which it is used, and is good enough.
+    start_scans, most_scans : scans on which it is measured, and at most where these do not tell it.
     window : scans after the start from which the noise is watched.
     start : first sigma as a share of that of triples.
     rounds : extractions with the sigma of the one before, at most.
@@ -33,6 +33,7 @@ class NoiseRules:
     fewest_lines: int = 3
     range_share: float = 0.5
     usable_error: float = 0.1
+    wanted_error: float = 0.025
     start_scans: int = 16
     most_scans: int = 128
     window: int = 128
