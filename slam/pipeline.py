@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Callable, Sequence
+from copy import deepcopy
 from dataclasses import replace
 
 import numpy as np
@@ -160,7 +161,8 @@ class Slam:
         step = self._process(frame)
         if self._gauge.ready:
             return step
-        self._held.append(frame)
+        # What a caller writes into its arrays afterwards does not count.
+        self._held.append(deepcopy(frame))
         if frame.observations is not None:
             self._gauge.leave()
         again = frame.scan is not None and self._gauge.see(frame.scan)
