@@ -120,7 +120,7 @@ def pooled_noise(scatter: Array, rules: NoiseRules) -> RangeNoise | None:
 
 def _weighted_median(values: Array, weights: Array) -> float:
     order = np.argsort(values)
-    sums = np.cumsum(weights[order])
+    sums: Array = np.cumsum(weights[order])
     return float(values[order][np.searchsorted(sums, 0.5 * sums[-1])])
 
 
