@@ -2,12 +2,14 @@
 
 import math
 from collections.abc import Callable, Sequence
+from copy import deepcopy
 from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from drivers.frame import Frame
+from features.noise.gauge import NoiseGauge
 from features.scan import LaserScan
 from features.se2 import Array, Pose, compose
 from slam.config import SlamConfig
@@ -69,10 +71,19 @@ class Slam:
         self.config = config
         self._rules = rules
         self._solution: Solution | None = None
-        self._sensor = config.sensor.model()
         self._extractor: Extractor = extractor or CwlfExtractor(config.extraction)
         self._associator = associator
         self._back_end = back_end
+        use = config.sensor.noise == "measured"
+        self._gauge = NoiseGauge(config.sensor.model(), self._extractor, use=use, rules=rules.noise)
+        self._held: list[Frame] = []
+        self._clock = StageClock("extract", "odometry", "front_end", "back_end", "loop")
+        self._begin()
+
+    def _begin(self) -> None:
+        """Begin with the sensor as it is known now, without any frame."""
+        config, rules = self.config, self._rules
+        self._sensor = self._gauge.sensor
         self._graph = self._new_graph()
         self._closer = loop_closer(config, rules)
         self._started: Estimators | None = None
@@ -81,7 +92,6 @@ class Slam:
         self._unidentified: list[Sighting] = []
         self._observations = ObservationCounts()
         self._monitor = trust_monitor(config, rules)
-        self._clock = StageClock("extract", "odometry", "front_end", "back_end", "loop")
 
     @property
     def pose(self) -> Pose:
@@ -139,6 +149,8 @@ class Slam:
     def process(self, frame: Frame) -> Step:
         """Process one frame.
 
+        The frame at which the noise of the sensor becomes known has all before it processed anew with this noise.
+
         Raises
         ------
         DivergedError
@@ -146,6 +158,29 @@ class Slam:
         ValueError
             The stamp is smaller than the one before, or stamp or pose is not finite; nothing has changed.
         """
+        step = self._process(frame)
+        if self._gauge.ready:
+            return step
+        # What a caller writes into its arrays afterwards does not count.
+        self._held.append(deepcopy(frame))
+        if frame.observations is not None:
+            self._gauge.leave()
+        again = frame.scan is not None and self._gauge.see(frame.scan)
+        return self._process_anew() if again else self._release(step)
+
+    def _process_anew(self) -> Step:
+        """Process all frames so far again, with what is known of the sensor now."""
+        self._begin()
+        *before, step = [self._process(frame) for frame in self._held]
+        return self._release(replace(step, before=tuple(before)))
+
+    def _release(self, step: Step) -> Step:
+        """Let go of the frames that were held, once nothing more is to be measured on them."""
+        if self._gauge.ready:
+            self._held.clear()
+        return step
+
+    def _process(self, frame: Frame) -> Step:
         self._predict(frame.stamp, self._records.checked(frame))
         view = self._extract(frame)
         if view is None:
@@ -160,12 +195,13 @@ class Slam:
                 self._close_loop(view)
         pose = self.pose
         self._records.add_scan(pose)
-        return Step(frame.stamp, pose, view.features, association)
+        cov = None if association is None else self.filter.pose_cov
+        return Step(frame.stamp, pose, view.features, association, cov)
 
     def _predict(self, stamp: float, pose_odom_robot: Pose) -> None:
         """Move odometry on to a record; the first one starts the estimators."""
         if self._started is None:
-            self._started = Estimators.start(self.config, self._rules, pose_odom_robot, self._associator)
+            self._started = Estimators.start(self.config, self._rules, pose_odom_robot, self._associator, self._sensor)
         odometry = self._started.odometry
         odometry.predict(stamp, pose_odom_robot)
         self._records.add(stamp, pose_odom_robot, odometry.pose)
@@ -184,7 +220,11 @@ class Slam:
         if frame.scan is None:
             return None
         with self._clock.timed("extract"):
-            return view_of_scan(self._without_motion(frame.scan), self._sensor, self._extractor)
+            scan = self._without_motion(frame.scan)
+            view = view_of_scan(scan, self._sensor, self._extractor)
+            if view.features is not None and (sigma := self._gauge.watch(scan, view.features.lines)) is not None:
+                self._monitor.scattered(frame.stamp, sigma, self._sensor.sigma_range)
+            return view
 
     def _without_motion(self, scan: LaserScan) -> LaserScan:
         """Undo the motion of the robot during a scan, if it is configured and the times of the beams are known."""
@@ -284,6 +324,8 @@ class Slam:
         """
         if not self._key_frames:
             raise ValueError("no scan was processed: there is nothing to finish")
+        if not self._gauge.ready and self._gauge.end():
+            self._process_anew()
         with self._clock.timed("back_end"):
             self._solution = solution = self._solve()
         landmarks = landmark_map(solution, self.config.map.min_observations)
@@ -330,6 +372,7 @@ class Slam:
             observations=replace(self._observations),
             landmark_life=solution.table.counts(self.config.map.min_observations),
             closures=replace(self._closer.counts, revoked=len(solution.estimate.revoked)),
+            noise=self._gauge.summary(),
             nis=self._monitor.nis,
             trust=self.trust,
             stages=self._clock.stages(),

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from features.se2 import Array, Pose, between, transform, wrap_angle
-from sim import SimulatedRun
+from sim import Measurement, SimulatedRun
 from slam.config import SlamConfig
 from slam.errors import DivergedError
 from slam.evaluation.evaluate import evaluate_simulated
@@ -15,6 +15,7 @@ from slam.filter.landmark_table import MERGED, REMOVED
 from slam.map.landmark_map import LandmarkMap
 from slam.pipeline import Slam
 from slam.result.trajectory import Trajectory
+from slam.step import Step
 from slam.study.monte_carlo.batch_means import landmark_figures
 from slam.study.monte_carlo.truth import AssociationScore, ClosureScore, true_corners
 
@@ -42,29 +43,36 @@ def simulate(source: SimulatedRun, config: SlamConfig, scans: int = 0) -> dict[s
         The filter diverged.
     """
     slam = Slam(config)
+    steps: list[Step] = []
+    measurements: list[Measurement | None] = []
+    for frame, measurement in source.measured_frames():
+        measurements.append(measurement)
+        step = slam.process(frame)
+        # With the noise of the sensor all before may have been done anew.
+        steps[: len(step.before)] = step.before
+        steps.append(step)
+        if slam.scans == scans > 0:
+            break
+    records = len(steps)
+    result = slam.finish()
     score, nis, nis_dof = AssociationScore(), 0.0, 0
     updates: list[int] = []
     errors: list[Pose] = []
     covs: list[Array] = []
-    records = 0
-    measured = zip(source.measured_frames(), source.poses_world_robot, strict=True)
-    for records, ((frame, measurement), truth) in enumerate(measured, start=1):
-        step = slam.process(frame)
-        if step.association is not None and step.features is not None and measurement is not None:
-            corners = step.features.corners.to_robot(source.mounting).positions
-            seen_world = transform(truth, corners)
-            labels = true_corners(source.world, measurement, step.features, seen_world)
-            score.count(step.association, labels)
-            if matches := len(step.association.corners):
-                nis += step.association.nis
-                nis_dof += 2 * matches
-            error: Array = slam.filter.pose - truth
-            updates.append(records - 1)
-            errors.append(np.array([error[0], error[1], wrap_angle(float(error[2]))]))
-            covs.append(slam.filter.pose_cov)
-        if slam.scans == scans > 0:
-            break
-    result = slam.finish()
+    for record, (step, measurement) in enumerate(zip(steps, measurements, strict=True)):
+        if step.association is None or step.features is None or step.cov is None or measurement is None:
+            continue
+        truth = source.poses_world_robot[record]
+        corners = step.features.corners.to_robot(source.mounting).positions
+        labels = true_corners(source.world, measurement, step.features, transform(truth, corners))
+        score.count(step.association, labels)
+        if matches := len(step.association.corners):
+            nis += step.association.nis
+            nis_dof += 2 * matches
+        error: Array = step.pose_world_robot - truth
+        updates.append(record)
+        errors.append(np.array([error[0], error[1], wrap_angle(float(error[2]))]))
+        covs.append(step.cov)
     report = evaluate_simulated(source, result)
     instants = np.arange(1, INSTANTS + 1) * (records - 1) / INSTANTS
     latest = np.searchsorted(updates, instants, side="right") - 1
