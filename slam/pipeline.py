@@ -76,7 +76,7 @@ class Slam:
         self._graph = self._new_graph()
         self._closer = loop_closer(config, rules)
         self._started: Estimators | None = None
-        self._records = Records()
+        self._records = Records(has_odometry=config.odometry.source != "lines")
         self._key_frames: list[KeyFrame] = []
         self._unidentified: list[Sighting] = []
         self._observations = ObservationCounts()
@@ -102,7 +102,7 @@ class Slam:
     @property
     def scans(self) -> int:
         """Scans processed so far."""
-        return self._records.scans
+        return len(self._records.scans)
 
     @property
     def stamp(self) -> float:
@@ -117,7 +117,14 @@ class Slam:
     @property
     def key_frame_records(self) -> NDArray[np.int64]:
         """Number of the record of each key frame, shape (k,)."""
-        return np.array([key_frame.record for key_frame in self._key_frames], np.int64)
+        scans = self._records.scans
+        return np.array([scans[key_frame.scan].record for key_frame in self._key_frames], np.int64)
+
+    @property
+    def key_frame_stamps(self) -> Array:
+        """When the robot was at each key frame, shape (k,) [s]."""
+        scans = self._records.scans
+        return np.array([scans[key_frame.scan].stamp for key_frame in self._key_frames])
 
     @property
     def closures(self) -> Sequence[Closure]:
@@ -159,7 +166,7 @@ class Slam:
                 self._add_key_frame(view, landmarks)
                 self._close_loop(view)
         pose = self.pose
-        self._records.add_scan(pose)
+        self._records.add_scan(frame.stamp, self._records.poses_odom[-1], self._estimators.odometry.pose, pose)
         return Step(frame.stamp, pose, view.features, association)
 
     def _predict(self, stamp: float, pose_odom_robot: Pose) -> None:
@@ -192,7 +199,7 @@ class Slam:
             return scan
         records = self._records
         # Without wheels the velocity comes from the poses found so far.
-        poses = records.poses_map if self.config.odometry.source == "lines" else records.poses_odom
+        poses = records.poses_predicted if self.config.odometry.source == "lines" else records.poses_odom
         return deskew_by_odometry(scan, self._sensor, records.stamps, poses)
 
     def _register(self, stamp: float, view: View) -> None:
@@ -207,7 +214,6 @@ class Slam:
             else:
                 rejected = odometry.counts.predictions_rejected
                 points = odometry.register(stamp, view.scan, lines)
-                records.correct(odometry.pose)
                 rejected = odometry.counts.predictions_rejected > rejected
                 self._monitor.registered(
                     stamp, points.points, odometry.pose, records.poses_odom[-1], odometry.share, rejected=rejected
@@ -260,7 +266,7 @@ class Slam:
                 self._closer.add_key_frame(odometry.scan, view.corners_robot, motion, motion_cov)
             since.reset()
             odometry.add_key_frame()
-            self._key_frames.append(KeyFrame.of(len(self._records) - 1, view, self._sensor))
+            self._key_frames.append(KeyFrame.of(self.scans, view, self._sensor))
 
     def _close_loop(self, view: View) -> None:
         """Search for a loop closure at the newest key frame; after one, move the filter to the pose in the graph."""

@@ -73,7 +73,7 @@ def test_corners_of_a_view_and_what_is_kept_of_a_key_frame_lie_where_the_robot_s
     # Without noise a corner is off by what the split of its lines at a beam leaves: millimetres.
     assert nearest(found, ROOM.corners).max() < 5e-3
     key_frame = KeyFrame.of(7, view, sensor)
-    assert key_frame.record == 7
+    assert key_frame.scan == 7
     assert len(key_frame.points_robot) == len(scan)
     assert off_walls(transform(here, key_frame.points_robot), ROOM).max() < 1e-9
     assert key_frame.walls_robot.shape == (len(view.features.lines), 2, 2)
@@ -99,7 +99,7 @@ def test_of_landmarks_that_a_sensor_found_itself_a_key_frame_keeps_no_scan():
     view = view_of_observations(seen, sensor, use_identities=True)
     assert view.scan is None
     kept = KeyFrame.of(3, view, sensor)
-    assert (kept.record, kept.walls_robot.shape, kept.points_robot.shape) == (3, (0, 2, 2), (0, 2))
+    assert (kept.scan, kept.walls_robot.shape, kept.points_robot.shape) == (3, (0, 2, 2), (0, 2))
 
 
 def test_a_record_of_odometry_shows_nothing():
