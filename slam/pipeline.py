@@ -24,7 +24,7 @@ from slam.graph.solution import Solution, solve
 from slam.graph.values import Closure
 from slam.key_frame import KeyFrame
 from slam.map.landmark_map import landmark_map
-from slam.odometry.deskew import deskew_by_odometry
+from slam.odometry.deskew import Sweep, deskew
 from slam.parts import FIRST_POSE_COV, CwlfExtractor, Estimators, loop_closer, trust_monitor
 from slam.result.assemble import assemble_result
 from slam.result.records import Records
@@ -154,10 +154,15 @@ class Slam:
             The stamp is smaller than the one before, or stamp or pose is not finite; nothing has changed.
         """
         self._predict(frame.stamp, self._records.checked(frame))
-        view = self._extract(frame)
+        sweep = self._sweep(frame.scan)
+        view = self._extract(frame, sweep)
         if view is None:
             return Step(frame.stamp, self.pose)
-        self._register(frame.stamp, view)
+        stamp, pose_odom = frame.stamp, self._records.poses_odom[-1]
+        if sweep is not None:
+            stamp, pose_odom = sweep.stamp, sweep.pose_odom
+            self._estimators.odometry.predict(stamp, pose_odom)
+        self._register(stamp, pose_odom, view, sweep)
         association = None
         key_frame_due = self._key_frame_due(view)
         if key_frame_due or self._update_due():
@@ -166,8 +171,8 @@ class Slam:
                 self._add_key_frame(view, landmarks)
                 self._close_loop(view)
         pose = self.pose
-        self._records.add_scan(frame.stamp, self._records.poses_odom[-1], self._estimators.odometry.pose, pose)
-        return Step(frame.stamp, pose, view.features, association)
+        self._records.add_scan(stamp, pose_odom, self._estimators.odometry.pose, pose)
+        return Step(stamp, pose, view.features, association)
 
     def _predict(self, stamp: float, pose_odom_robot: Pose) -> None:
         """Move odometry on to a record; the first one starts the estimators."""
@@ -177,7 +182,13 @@ class Slam:
         odometry.predict(stamp, pose_odom_robot)
         self._records.add(stamp, pose_odom_robot, odometry.pose)
 
-    def _extract(self, frame: Frame) -> View | None:
+    def _sweep(self, scan: LaserScan | None) -> Sweep | None:
+        """Motion during a scan; None where it is not to be undone, or the beams have no times."""
+        if scan is None or not self.config.front_end.deskew:
+            return None
+        return self._estimators.odometry.sweep(scan, self._records.stamps, self._records.poses_odom)
+
+    def _extract(self, frame: Frame, sweep: Sweep | None) -> View | None:
         """Return what a frame shows; None for a record of odometry only."""
         config = self.config
         if frame.observations is not None:
@@ -191,32 +202,24 @@ class Slam:
         if frame.scan is None:
             return None
         with self._clock.timed("extract"):
-            return view_of_scan(self._without_motion(frame.scan), self._sensor, self._extractor)
+            scan = frame.scan if sweep is None else deskew(frame.scan, self._sensor, sweep)
+            return view_of_scan(scan, self._sensor, self._extractor, sweep)
 
-    def _without_motion(self, scan: LaserScan) -> LaserScan:
-        """Undo the motion of the robot during a scan, if it is configured and the times of the beams are known."""
-        if not self.config.front_end.deskew:
-            return scan
-        records = self._records
-        # Without wheels the velocity comes from the poses found so far.
-        poses = records.poses_predicted if self.config.odometry.source == "lines" else records.poses_odom
-        return deskew_by_odometry(scan, self._sensor, records.stamps, poses)
-
-    def _register(self, stamp: float, view: View) -> None:
+    def _register(self, stamp: float, pose_odom: Pose, view: View, sweep: Sweep | None) -> None:
         """Correct odometry by the walls."""
         if view.scan is None or view.features is None:
             return
-        estimators, records, lines = self._estimators, self._records, view.features.lines
+        estimators, lines = self._estimators, view.features.lines
         odometry = estimators.odometry
         with self._clock.timed("odometry"):
             if self.config.odometry.source == "wheel":
-                odometry.set_scan(view.scan, lines)
+                odometry.set_scan(view.scan, lines, sweep)
             else:
                 rejected = odometry.counts.predictions_rejected
-                points = odometry.register(stamp, view.scan, lines)
+                points = odometry.register(stamp, view.scan, lines, sweep)
                 rejected = odometry.counts.predictions_rejected > rejected
                 self._monitor.registered(
-                    stamp, points.points, odometry.pose, records.poses_odom[-1], odometry.share, rejected=rejected
+                    stamp, points.points, odometry.pose, pose_odom, odometry.share, rejected=rejected
                 )
             self._monitor.drove(stamp, estimators.since_scan.motion, seen=len(lines) > 0)
             estimators.since_scan.reset()

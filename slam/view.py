@@ -13,6 +13,7 @@ from features.se2 import Array
 from features.sensor import SensorModel
 from slam.graph.values import Observations
 from slam.observed import observed_points
+from slam.odometry.deskew import Sweep, doubt_corners
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -54,18 +55,24 @@ class Extractor(Protocol):
         ...
 
 
-def view_of_scan(scan: LaserScan, sensor: SensorModel, extractor: Extractor) -> View:
-    """View that a scan without motion in it, sensor frame, gives; lines and corners without a covariance are left out."""
+def view_of_scan(scan: LaserScan, sensor: SensorModel, extractor: Extractor, sweep: Sweep | None = None) -> View:
+    """View that a scan without motion in it, sensor frame, gives; lines and corners without a covariance are left out.
+
+    The doubt of the motion that was undone, during a ``sweep``, enters the covariance of the corners.
+    """
     features = extractor(scan, sensor)
     lines, corners = features.lines, features.corners
     known = _determined(lines.params, lines.covs) & (lines.ends[:, 0] != lines.ends[:, 1]).any(axis=1)
     known &= np.isfinite(lines.ends).all(axis=(1, 2))
     features = Features(Lines(lines.records[known]), Corners(corners.records[_known(corners)]))
-    return View(features.corners.to_robot(sensor.mounting), scan, features)
+    corners_robot = features.corners.to_robot(sensor.mounting)
+    if sweep is not None:
+        corners_robot = doubt_corners(corners_robot, scan, sensor.mounting, sweep)
+    return View(corners_robot, scan, features)
 
 
 def _known(corners: Corners) -> NDArray[np.bool_]:
-    """Whether each corner has a covariance and lies away from the origin, where it would have no bearing, shape (n,)."""
+    """Whether each corner has a covariance and is not at the origin, where it would have no bearing, shape (n,)."""
     positions = corners.positions
     away = np.abs(positions).max(axis=1, initial=0.0) > np.finfo(np.float64).eps
     return _determined(positions, corners.covs) & away

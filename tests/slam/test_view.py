@@ -121,8 +121,8 @@ def test_the_motion_that_the_wheels_tell_is_undone_where_it_is_asked_for(mountin
     scan = exact(ROOM, mounting, times[:, None] * VELOCITY, times)
     for k in range(2):
         slam.process(Frame(0.1 * k, 0.1 * k * VELOCITY))
-    here = 0.2 * VELOCITY
-    step = slam.process(Frame(0.2, here, scan))
+    step = slam.process(Frame(0.2, 0.2 * VELOCITY, scan))
+    here = step.stamp * VELOCITY
     found = transform(here, step.features.corners.to_robot(mounting).positions)
     off = nearest(found, ROOM.corners).max()
     assert off < 5e-3 if deskew else off > 0.1
@@ -186,7 +186,7 @@ def last_corners(config, told):
         times = np.linspace(-0.1, 0.0, len(FULL_TURN), endpoint=False)
         scan = exact(ROOM, mounting, [at(end + time) for time in times], times)
         step = slam.process(Frame(end, told(at(end)), LaserScan(scan.ranges, scan.angles, end, times)))
-    return transform(at(ends[-1]), mounting.points_to_robot(step.features.corners.positions))
+    return transform(at(step.stamp), mounting.points_to_robot(step.features.corners.positions))
 
 
 @MOUNTINGS

@@ -46,11 +46,12 @@ def simulate(source: SimulatedRun, config: SlamConfig, scans: int = 0) -> dict[s
     errors: list[Pose] = []
     covs: list[Array] = []
     records = 0
-    measured = zip(source.measured_frames(), source.poses_world_robot, strict=True)
-    for records, ((frame, measurement), truth) in enumerate(measured, start=1):
+    for records, (frame, measurement) in enumerate(source.measured_frames(), start=1):
         step = slam.process(frame)
         if step.association is not None and step.features is not None and measurement is not None:
             corners = step.features.corners.to_robot(source.mounting).positions
+            # The pose of a scan is that in the middle of its sweep.
+            truth = source.trajectory.at(np.array([step.stamp]))[0]
             seen_world = transform(truth, corners)
             labels = true_corners(source.world, measurement, step.features, seen_world)
             score.count(step.association, labels)
@@ -69,7 +70,7 @@ def simulate(source: SimulatedRun, config: SlamConfig, scans: int = 0) -> dict[s
     latest = np.searchsorted(updates, instants, side="right") - 1
     landmarks = score.corners()[result.landmarks.ids]
     genuine = landmarks[landmarks >= 0]
-    key_poses = source.poses_world_robot[slam.key_frame_records]
+    key_poses = source.trajectory.at(slam.key_frame_stamps)
     closures = ClosureScore.of(slam.closures, slam.solution.estimate.revoked, key_poses)
     lives = slam.landmark_table.key_frames
     row = {
@@ -100,7 +101,7 @@ def simulate(source: SimulatedRun, config: SlamConfig, scans: int = 0) -> dict[s
     return {
         "row": row,
         "nees_ekf": nees(np.array(errors)[latest], np.array(covs)[latest]).tolist(),
-        "nees_graph": _graph_nees(slam, source.poses_world_robot, instants),
+        "nees_graph": _graph_nees(slam, key_poses, instants),
     }
 
 
@@ -113,14 +114,13 @@ def _landmark_nees(source: SimulatedRun, landmarks: LandmarkMap, corners: NDArra
     return float(nees(errors, landmarks.covs[genuine]).mean())
 
 
-def _graph_nees(slam: Slam, poses_world_robot: Array, instants: Array) -> list[float] | None:
-    """NEES of the key frame at each instant or the last one before it."""
-    records = slam.key_frame_records
-    latest = np.searchsorted(records, instants, side="right") - 1
+def _graph_nees(slam: Slam, key_poses: Array, instants: Array) -> list[float] | None:
+    """NEES of the key frame at each instant or the last one before it, given the true pose of each key frame."""
+    latest = np.searchsorted(slam.key_frame_records, instants, side="right") - 1
     try:
         covs = slam.solution.pose_covs(latest)
     except DivergedError:
         return None
     estimates = slam.solution.estimate.poses_world_robot[latest]
-    errors = [between(pose, truth) for pose, truth in zip(estimates, poses_world_robot[records[latest]], strict=True)]
+    errors = [between(pose, truth) for pose, truth in zip(estimates, key_poses[latest], strict=True)]
     return nees(np.array(errors), covs).tolist()

@@ -67,7 +67,9 @@ def test_a_record_between_two_scans_is_carried_from_both(scan_stamp, has_odometr
     stamps, last = 0.1 * np.arange(9), 0.8 + scan_stamp
     inside = (stamps >= max(0.0, scan_stamp)) & (stamps <= last)
     poses = records.odometry().poses
-    np.testing.assert_allclose(poses[inside], np.column_stack([stamps, np.full(9, 0.02), np.zeros(9)])[inside], atol=1e-9)
+    np.testing.assert_allclose(
+        poses[inside], np.column_stack([stamps, np.full(9, 0.02), np.zeros(9)])[inside], atol=1e-9
+    )
     at = np.array([scan.stamp for scan in records.scans])
     corrected = records.corrected(np.array([0, 2]), np.column_stack([2.0 * at[[0, 2]], np.zeros((2, 2))])).poses
     np.testing.assert_allclose(corrected[inside], np.column_stack([2.0 * stamps, np.zeros((9, 2))])[inside], atol=1e-9)
