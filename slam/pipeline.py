@@ -154,6 +154,8 @@ class Slam:
             The stamp is smaller than the one before, or stamp or pose is not finite; nothing has changed.
         """
         self._predict(frame.stamp, self._records.checked(frame))
+        if frame.scan is not None:
+            self._estimators.odometry.look_for_stand(frame.scan)
         sweep = self._sweep(frame.scan)
         view = self._extract(frame, sweep)
         if view is None:
@@ -171,7 +173,10 @@ class Slam:
                 self._add_key_frame(view, landmarks)
                 self._close_loop(view)
         pose = self.pose
-        self._records.add_scan(stamp, pose_odom, self._estimators.odometry.pose, pose)
+        odometry = self._estimators.odometry
+        self._records.add_scan(stamp, pose_odom, odometry.pose.copy(), pose)
+        if odometry.stand_found:
+            self._records.stood(odometry.stand_found)
         return Step(stamp, pose, view.features, association)
 
     def _predict(self, stamp: float, pose_odom_robot: Pose) -> None:

@@ -19,6 +19,7 @@ from slam.odometry.motion_models import ConstantVelocity, WheelMotion
 from slam.odometry.registration import Registration, register
 from slam.odometry.rules import LineOdometryRules
 from slam.odometry.scan_points import ScanPoints, scan_points
+from slam.odometry.standing import StandDetector
 from slam.odometry.wheel_calibration import Calibration
 
 
@@ -54,6 +55,7 @@ class LineOdometry:
     Attributes
     ----------
     counts : what became of the scans.
+    stand_found : how many of the latest scans were taken from one place, where the latest one shows it first; else 0.
     """
 
     def __init__(
@@ -82,6 +84,10 @@ class LineOdometry:
         self._scan: ScanPoints | None = None
         self._stamp = -math.inf
         self._doubt: Array = np.zeros((3, 3))
+        self._stand = StandDetector(sensor, rules.stand)
+        self._stood = False
+        self.stand_found = 0
+        self._since_stand = self._drifting.clone()
         self._fit: Registration | None = None
 
     @property
@@ -156,6 +162,8 @@ class LineOdometry:
         """
         points = self.set_scan(scan, lines, sweep)
         self._stamp = stamp
+        if self._rest(stamp):
+            return points
         self._fit = self._match(points) if len(self._map.walls) else None
         if self._fit is not None and not self._stationary:
             self._drifting.correct(*self._doubted(self._fit))
@@ -163,7 +171,40 @@ class LineOdometry:
         if self._motion.learn(stamp, self._since_learned):
             self._since_learned.reset()
         self._since_scan.reset()
+        if self._stand.began:
+            self._since_stand.reset()
         return points
+
+    def look_for_stand(self, scan: LaserScan) -> None:
+        """Compare a scan, sensor frame as it was taken, with those before; with wheels these tell a stand."""
+        self.stand_found = 0
+        if isinstance(self._motion, ConstantVelocity):
+            self._stood = self._stand.standing
+            self._stand.add(scan)
+
+    def _rest(self, stamp: float) -> bool:
+        """Whether the robot stands, so that it is where it was at the scan before; at first, where the stand began."""
+        stand, drifting, since = self._stand, self._drifting, self._since_stand
+        if not isinstance(self._motion, ConstantVelocity):
+            return False
+        if stand.standing and not self._stood:
+            cov = since.motion_cov + stand.displacement_cov
+            if float(since.motion @ np.linalg.lstsq(cov, since.motion, rcond=None)[0]) > self._prediction_gate:
+                # The walls show a motion over which beams can no longer be compared.
+                stand.restart()
+        if not stand.standing:
+            if self._stood:
+                drifting.move(*self._motion.rest(stamp))
+                drifting.move(np.zeros(3), stand.moved_cov + np.outer(stand.moved, stand.moved))
+                self._motion.forget()
+            return False
+        drifting.move(*self._motion.rest(stamp))
+        if not self._stood:
+            drifting.move(inverse(since.motion), np.zeros((3, 3)))
+            self.stand_found = len(stand)
+        self._since_learned.reset()
+        self._since_scan.reset()
+        return True
 
     def _doubted(self, fit: Registration) -> tuple[Array, Array]:
         """Information and pull of a registration, less what the doubt of the motion during the scan takes (eq. M67)."""

@@ -172,6 +172,16 @@ class ConstantVelocity:
         velocity_cov = np.outer(kept, kept) * self._velocity_cov + np.diag(self._variance * (1.0 - kept**2))
         return Sweep(middle, poses_odom[-1], times, times[:, None] * (kept * self._velocity), velocity_cov)
 
+    def rest(self, stamp: float) -> tuple[Pose, Array]:
+        """Motion that takes back what was expected since the last scan, as the robot stands at ``stamp``."""
+        elapsed = 0.0 if self._learned is None else max(0.0, self._stamp - self._learned)
+        motion, cov = self._motion(elapsed)
+        if self._learned is not None and stamp > self._learned:
+            self._time(stamp - self._learned)
+        self._learned = self._stamp = stamp
+        self._velocity, self._velocity_cov = np.zeros(3), np.zeros((3, 3))
+        return taken_back(pose(*motion.tolist()), cov)
+
     def _motion(self, elapsed: float) -> tuple[Array, Array]:
         """Motion since the last scan and its covariance, shapes (3,) and (3, 3), eq. M34; none in no time."""
         ratio = elapsed / self._memory
@@ -203,8 +213,12 @@ class ConstantVelocity:
         velocity_cov += gain @ (since.motion_cov - cov) @ gain.T
         self._velocity_cov = 0.5 * (velocity_cov + velocity_cov.T)
         if (self._velocity**2 + np.diag(velocity_cov) > self._rules.fastest**2 * self._variance).any():
-            self._velocity, self._velocity_cov = np.zeros(3), np.diag(self._variance)
+            self.forget()
         return True
+
+    def forget(self) -> None:
+        """Know nothing of the velocity."""
+        self._velocity, self._velocity_cov = np.zeros(3), np.diag(self._variance)
 
     def _time(self, elapsed: float) -> None:
         """Learn how irregular the stamps are: a scanner turns steadily, so its intervals should all be alike."""

@@ -90,6 +90,11 @@ class Records:
         """Note that the latest record had a scan, see :class:`ScanRecord`; stamps of scans must not decrease."""
         self._scans.append(ScanRecord(len(self.stamps) - 1, stamp, pose_odom, pose_map, pose_online))
 
+    def stood(self, scans: int) -> None:
+        """Put so many of the latest scans where the latest one is by odometry, as the robot stood."""
+        for scan in self._scans[-scans:]:
+            scan.pose_map[:] = self._scans[-1].pose_map
+
     def times(self) -> Array:
         """Stamps of the records, shape (n,) [s]; equal ones separated by the motion between them."""
         return separate_equal_stamps(np.array(self.stamps), np.array(self.poses_odom))

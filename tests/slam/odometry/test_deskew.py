@@ -239,11 +239,7 @@ def test_walls_and_pose_are_doubted_by_as_much_as_a_wrong_velocity_moves_them(mo
     root = 1.0 / np.sqrt(walls[:, [VAR_OFFSET, VAR_ANGLE], None])
     system = np.vstack([(root * by_pose).reshape(-1, 3), np.eye(3)])
     shifts = np.append((root[..., 0] * expected).ravel(), np.zeros(3))
-    shift = np.linalg.lstsq(
-        np.vstack([(root * by_pose).reshape(-1, 3), np.eye(3)]),
-        np.append((root[..., 0] * expected).ravel(), np.zeros(3)),
-        rcond=None,
-    )[0]
+    shift = np.linalg.lstsq(system, shifts, rcond=None)[0]
     np.testing.assert_allclose(cov, np.outer(shift, shift), rtol=1e-6, atol=1e-12)
 
 
