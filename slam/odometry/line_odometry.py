@@ -183,7 +183,7 @@ class LineOdometry:
             self._stand.add(scan)
 
     def _rest(self, stamp: float) -> bool:
-        """Whether the robot stands, so that it is where it was at the scan before; at first, where the stand began."""
+        """Whether the robot stands, so that it is where it was before, at first where the stand began (eq. M70)."""
         stand, drifting, since = self._stand, self._drifting, self._since_stand
         if not isinstance(self._motion, ConstantVelocity):
             return False
