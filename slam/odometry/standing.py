@@ -76,8 +76,10 @@ class StandDetector:
             return False
         before = known[:count].mean(axis=0)
         gate = 3.0 * freedom / (freedom - 2.0) * float(f.ppf(self._rules.same, 3, freedom - 2.0))
-        scatter = self._scatter()
-        return _distance2(known[-count:].mean(axis=0) - before, scatter * (2.0 / count)) > gate
+        scatter, late = self._scatter(), known[-count:].mean(axis=0)
+        # Should it have moved, it is where the latest scans say, or farther, as the last one does.
+        self.moved, self.moved_cov = late, scatter + np.outer(known[-1] - late, known[-1] - late)
+        return _distance2(late - before, scatter * (2.0 / count)) > gate
 
     def _displacement(self, scan: LaserScan) -> Array | None:
         """Displacement of a scan against the first one by a robust fit (eq. M68), shape (3,); None without one."""
