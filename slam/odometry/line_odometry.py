@@ -195,7 +195,7 @@ class LineOdometry:
         if not stand.standing:
             if self._stood:
                 drifting.move(*self._motion.rest(stamp))
-                drifting.move(stand.moved, stand.moved_cov)
+                drifting.move(np.zeros(3), stand.moved_cov + np.outer(stand.moved, stand.moved))
                 self._motion.forget()
             return False
         drifting.move(*self._motion.rest(stamp))

@@ -77,8 +77,7 @@ class StandDetector:
         before = known[:count].mean(axis=0)
         gate = 3.0 * freedom / (freedom - 2.0) * float(f.ppf(self._rules.same, 3, freedom - 2.0))
         scatter, late = self._scatter(), known[-count:].mean(axis=0)
-        # Should it have moved, it is where the latest scans say, or farther, as the last one does.
-        self.moved, self.moved_cov = late, scatter + np.outer(known[-1] - late, known[-1] - late)
+        self.moved, self.moved_cov = late, scatter * (2.0 / count)
         return _distance2(late - before, scatter * (2.0 / count)) > gate
 
     def _displacement(self, scan: LaserScan) -> Array | None:
