@@ -117,7 +117,7 @@ def _robust_fit(jacobian: Array, residuals: Array, rules: StandRules) -> Array |
         if not np.isfinite(information).all() or np.linalg.matrix_rank(information) < 3:
             return None
         shift = np.linalg.solve(information, weighted.T @ residuals)
-    return shift
+    return np.asarray(shift, np.float64)
 
 
 def _surfaces(scan: LaserScan, sensor: SensorModel, rules: StandRules) -> tuple[Array, Array, Array]:
