@@ -13,7 +13,7 @@ class Step:
 
     Parameters
     ----------
-    stamp : of the frame [s].
+    stamp : of the pose [s]: that of the frame, or the middle of the sweep where the beams of its scan have times.
     pose_world_robot : pose of the filter after the frame, shape (3,).
     features : lines and corners of its scan, sensor frame; None for a frame without scan.
     association : what became of the corners; None where the robot had not moved enough to use them.

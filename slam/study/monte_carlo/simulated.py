@@ -62,7 +62,8 @@ def simulate(source: SimulatedRun, config: SlamConfig, scans: int = 0) -> dict[s
     for record, (step, measurement) in enumerate(zip(steps, measurements, strict=True)):
         if step.association is None or step.features is None or step.cov is None or measurement is None:
             continue
-        truth = source.poses_world_robot[record]
+        # The pose of a scan is that in the middle of its sweep.
+        truth = source.trajectory.at(np.array([step.stamp]))[0]
         corners = step.features.corners.to_robot(source.mounting).positions
         labels = true_corners(source.world, measurement, step.features, transform(truth, corners))
         score.count(step.association, labels)
@@ -78,7 +79,7 @@ def simulate(source: SimulatedRun, config: SlamConfig, scans: int = 0) -> dict[s
     latest = np.searchsorted(updates, instants, side="right") - 1
     landmarks = score.corners()[result.landmarks.ids]
     genuine = landmarks[landmarks >= 0]
-    key_poses = source.poses_world_robot[slam.key_frame_records]
+    key_poses = source.trajectory.at(slam.key_frame_stamps)
     closures = ClosureScore.of(slam.closures, slam.solution.estimate.revoked, key_poses)
     lives = slam.landmark_table.key_frames
     row = {
@@ -109,7 +110,7 @@ def simulate(source: SimulatedRun, config: SlamConfig, scans: int = 0) -> dict[s
     return {
         "row": row | landmark_figures(source.world, result.landmarks),
         "nees_ekf": nees(np.array(errors)[latest], np.array(covs)[latest]).tolist(),
-        "nees_graph": _graph_nees(slam, source.poses_world_robot, instants),
+        "nees_graph": _graph_nees(slam, key_poses, instants),
     }
 
 
@@ -122,14 +123,13 @@ def _landmark_nees(source: SimulatedRun, landmarks: LandmarkMap, corners: NDArra
     return float(nees(errors, landmarks.covs[genuine]).mean())
 
 
-def _graph_nees(slam: Slam, poses_world_robot: Array, instants: Array) -> list[float] | None:
-    """NEES of the key frame at each instant or the last one before it."""
-    records = slam.key_frame_records
-    latest = np.searchsorted(records, instants, side="right") - 1
+def _graph_nees(slam: Slam, key_poses: Array, instants: Array) -> list[float] | None:
+    """NEES of the key frame at each instant or the last one before it, given the true pose of each key frame."""
+    latest = np.searchsorted(slam.key_frame_records, instants, side="right") - 1
     try:
         covs = slam.solution.pose_covs(latest)
     except DivergedError:
         return None
     estimates = slam.solution.estimate.poses_world_robot[latest]
-    errors = [between(pose, truth) for pose, truth in zip(estimates, poses_world_robot[records[latest]], strict=True)]
+    errors = [between(pose, truth) for pose, truth in zip(estimates, key_poses[latest], strict=True)]
     return nees(np.array(errors), covs).tolist()
