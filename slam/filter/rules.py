@@ -14,8 +14,11 @@ class FilterRules:
     merge_sigma : sigma of the distance of two landmarks that are one, in x and y [m].
     most_nodes : of the search tree of the joint compatibility; where they do not suffice the best set so far stands.
     beams : when a beam has gone through the place of a landmark.
+    least_sighted : share of the scans that have the place of a landmark in sight, no farther than it was ever seen
+        from, in which it has to be seen.
     """
 
     merge_sigma: float = 0.01
     most_nodes: int = 20_000
+    least_sighted: float = 0.2
     beams: BeamRules = BeamRules()  # noqa: RUF009, frozen
