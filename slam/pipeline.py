@@ -75,7 +75,8 @@ class Slam:
         self._associator = associator
         self._back_end = back_end
         use = config.sensor.noise == "measured"
-        self._gauge = NoiseGauge(config.sensor.model(), self._extractor, use=use, rules=rules.noise)
+        whole_walls = extractor or CwlfExtractor(config.extraction).of_whole_walls()
+        self._gauge = NoiseGauge(config.sensor.model(), whole_walls, use=use, rules=rules.noise)
         self._held: list[Frame] = []
         self._clock = StageClock("extract", "odometry", "front_end", "back_end", "loop")
         self._begin()

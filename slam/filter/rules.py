@@ -13,9 +13,9 @@ class FilterRules:
     ----------
     merge_sigma : sigma of the distance of two landmarks that are one, in x and y [m].
     most_nodes : of the search tree of the joint compatibility; where they do not suffice the best set so far stands.
-    beams : when a beam has gone through the place of a landmark.
     least_sighted : share of the scans that have the place of a landmark in sight, no farther than it was ever seen
         from, in which it has to be seen.
+    beams : when a beam has gone through the place of a landmark.
     """
 
     merge_sigma: float = 0.01
