@@ -120,8 +120,8 @@ class FrontEnd:
     def count_misses(self, scan: LaserScan, sensor: SensorModel, seen: Indices) -> None:
         """Count what a scan shows of the landmarks not ``seen`` now; remove those that it contradicts too often.
 
-        A landmark is missed where beams pass its place, and overlooked where its place is in sight, no farther away
-        than it was seen from, and no corner was found there.
+        A landmark is missed where beams pass its place, and overlooked where its place is in sight from where both its
+        walls show, no farther away than it was seen from, and no corner was found there.
         """
         if not self.active.size:
             return
@@ -129,7 +129,9 @@ class FrontEnd:
         shown = look_at(scan, sensor, points, self._rules.beams)
         elsewhere = ~_among(self.active, seen)
         near = np.hypot(*points.T) <= self.table.farthest[self.active]
-        missed, overlooked = elsewhere & (shown == PASSED), elsewhere & (shown == IN_SIGHT) & near
+        x, y = (self.ekf.pose[:2] - self.ekf.landmarks).T
+        faced = self.table.signatures(self.active).faced(np.arctan2(y, x), self._rules.grazing)
+        missed, overlooked = elsewhere & (shown == PASSED), elsewhere & (shown == IN_SIGHT) & near & faced
         self._drop(self.table.miss(self.active, missed, overlooked, self._rules.least_sighted))
 
     def merge(self) -> list[tuple[int, int]]:

@@ -323,7 +323,7 @@ def test_a_place_is_in_sight_where_beams_end_near_it(bearing, distance, off):
 def test_a_landmark_ends_when_it_was_seldom_seen_where_it_is_in_sight(overlooked, kept):
     """Seen once, and one more taken as granted: two of ten are the share of 0.2 that is asked, two of eleven less."""
     front = front_end()
-    front.observe(corners([[2.0, 0.0]]))
+    front.observe(corners([[2.0, 0.0]], orientations=math.pi))
     nothing = np.empty(0, np.int64)
     for _ in range(overlooked):
         front.count_misses(ring(2.0), sensor(), nothing)
@@ -335,10 +335,21 @@ def test_a_landmark_ends_when_it_was_seldom_seen_where_it_is_in_sight(overlooked
 
 def test_a_place_farther_away_than_a_landmark_was_seen_from_tells_nothing():
     front = front_end()
-    front.observe(corners([[2.0, 0.0]]))
+    front.observe(corners([[2.0, 0.0]], orientations=math.pi))
+    nothing = np.empty(0, np.int64)
+    front.count_misses(ring(2.0), sensor(), nothing)
     front.move(pose(-0.5, 0.0, 0.0), np.zeros((3, 3)))
     for _ in range(20):
-        front.count_misses(ring(2.5), sensor(), np.empty(0, np.int64))
+        front.count_misses(ring(2.5), sensor(), nothing)
+    assert front.table.overlooked.tolist() == [1]
+
+
+def test_a_place_from_which_one_wall_shows_tells_nothing():
+    """The front of a pillar, seen at a right angle: its corner is there, but it cannot be found."""
+    front = front_end()
+    front.observe(corners([[2.0, 0.0]], convex=True, openings=math.pi / 2.0, orientations=math.radians(50.0)))
+    for _ in range(20):
+        front.count_misses(ring(2.0), sensor(), np.empty(0, np.int64))
     assert front.table.overlooked.tolist() == [0]
 
 
