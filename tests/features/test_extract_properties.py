@@ -206,7 +206,6 @@ CONFIGS = st.sampled_from(
             gap_beams=1000.0,
             corner_angle_min_deg=1e-3,
             corner_angle_max_deg=179.999,
-            corner_gap_mm=1e6,
             fit="cwlf",
             covariance="paper",
         ),

@@ -24,7 +24,12 @@ LOOSE = ExtractionConfig(
     min_length_m=0.05,
     corner_angle_min_deg=10.0,
     corner_angle_max_deg=170.0,
-    corner_gap_mm=300.0,
+    straight_level=0.3,
+    bend_sigmas=0.5,
+    near_sigmas=8.0,
+    end_sigmas=6.0,
+    corner_level=1e-3,
+    unseen_end=0.5,
 )
 """Splits at noise, keeps the smallest lines and takes blunt corners: every rule decides often."""
 
