@@ -200,12 +200,12 @@ def intersect(a, b):
     return position, jacobian @ joint @ jacobian.T
 
 
-def extract(ranges, angles, model, config, ties=None):
+def extract(ranges, angles, model, config, arcs=None):
     """Lines and corners of a scan; ``model`` and ``config`` are read by attribute only.
 
-    To ``ties`` goes each arc that is as good as the corner to within what iterations may leave of its misfit.
+    To ``arcs`` go, for each arc that is iterated, its misfit, that of the best arc, and the limit (eq. M105).
     """
-    ties = [] if ties is None else ties
+    arcs = [] if arcs is None else arcs
     sigma_range, sigma_bearing = model.sigma_range, model.sigma_bearing
     everything = _counter_clockwise(angles)
     spacing = _spacing(angles)
@@ -268,7 +268,7 @@ def extract(ranges, angles, model, config, ties=None):
         turn = np.pi - _angle(-along_a, along_b)
         if turn < np.pi - np.radians(config.corner_angle_max_deg) and _cross(*_normals(lines[i], lines[follower])):
             position, _ = intersect(lines[i], lines[follower])
-            if _may_be_arc(arms[i], position, lines[i], lines[follower], model, config, ties):
+            if _may_be_arc(arms[i], position, lines[i], lines[follower], model, config, arcs):
                 lengths = np.array([np.linalg.norm(along_a), np.linalg.norm(along_b)])
                 curvature = 2.0 * turn / lengths.sum()
                 for j, length in zip((i, follower), lengths, strict=True):
@@ -278,21 +278,10 @@ def extract(ranges, angles, model, config, ties=None):
     corners = []
     for i, follower in neighbours:
         ends = points[walls[fitted[i]].last], points[walls[fitted[follower]].first]
-        corner = _corner(lines[i], lines[follower], ends, arms[i], spacing, model, config, ties)
+        corner = _corner(lines[i], lines[follower], ends, arms[i], spacing, model, config, arcs)
         if corner is not None:
             corners.append(corner)
     return lines, corners
-
-
-def _is_short(first, last, sigma_range, config):
-    return np.linalg.norm(last - first) < min(config.min_length_m, config.min_length_sigmas * sigma_range)
-
-
-def _rough(points):
-    """Unit normal and offset of the total-least-squares line."""
-    middle = points.mean(axis=0)
-    normal = np.linalg.svd(points - middle)[2][1]
-    return normal, normal @ middle
 
 
 def _without_stubs(walls, points, sigma_range, config):
@@ -459,7 +448,7 @@ def _walls_end(points, position, wall_a, wall_b, model, config):
     return True
 
 
-def _may_be_arc(points, position, line_a, line_b, model, config, ties):
+def _may_be_arc(points, position, line_a, line_b, model, config, arcs):
     """Whether an arc explains the points as well as two walls that meet at the position (eq. M105)."""
     wall_a, wall_b = _unit_form(line_a), _unit_form(line_b)
     corner = np.where(_behind(points, position), _misfit(points, *wall_b, model), _misfit(points, *wall_a, model)).sum()
@@ -470,22 +459,34 @@ def _may_be_arc(points, position, line_a, line_b, model, config, ties):
     solution = np.linalg.lstsq(design, ((points - middle) ** 2).sum(axis=1), rcond=None)[0]
     start = np.array([*(middle + solution[:2]), np.sqrt(solution[2] + solution[:2] @ solution[:2])])
 
-    def residuals(arc):
+    def residuals(arc, variances=None):
         away = points - arc[:2]
         distances = np.linalg.norm(away, axis=1)
-        normals = away / distances[:, None]
+        variances = arc_variances(arc) if variances is None else variances
+        return (distances - arc[2]) / np.sqrt(variances)
+
+    def arc_variances(arc):
+        normals = points - arc[:2]
+        normals = normals / np.linalg.norm(normals, axis=1)[:, None]
         covs = cartesian_cov(
             np.hypot(*points.T), np.arctan2(points[:, 1], points[:, 0]), model.sigma_range, model.sigma_bearing
         )
-        return (distances - arc[2]) / np.sqrt(np.einsum("ij,ijk,ik->i", normals, covs, normals))
+        return np.einsum("ij,ijk,ik->i", normals, covs, normals)
 
-    algebraic = (residuals(start) ** 2).sum()
-    if algebraic > 10.0 * limit:
+    if (residuals(start) ** 2).sum() > 10.0 * limit:
         return False
-    best = min(algebraic, 2.0 * scipy.optimize.least_squares(residuals, start, x_scale="jac").cost)
-    if abs(best - limit) < 0.05 * limit:
-        ties.append((best, limit))
-    return best <= limit
+    arc = start
+    for _ in range(2):
+        held = arc_variances(arc)
+        away = (points - arc[:2]) / np.linalg.norm(points - arc[:2], axis=1)[:, None]
+        jacobian = -np.column_stack([away, np.ones(len(points))]) / np.sqrt(held)[:, None]
+        arc = arc + np.linalg.lstsq(jacobian, -residuals(arc, held), rcond=None)[0]
+        if (residuals(arc) ** 2).sum() > 10.0 * limit:
+            return False
+    iterated = (residuals(arc) ** 2).sum()
+    best = 2.0 * scipy.optimize.least_squares(residuals, arc, x_scale="jac").cost
+    arcs.append((iterated, best, limit))
+    return iterated <= limit
 
 
 def _is_short(first, last, sigma_range, config):
@@ -615,7 +616,7 @@ def _trim(segment, points, count, distance):
     return [int(segment[a]), int(segment[b])]
 
 
-def _corner(a, b, ends, points, spacing, model, config, ties):
+def _corner(a, b, ends, points, spacing, model, config, arcs):
     arm_a, arm_b = a.ends[0] - a.ends[1], b.ends[1] - b.ends[0]
     arm_a, arm_b = arm_a / np.linalg.norm(arm_a), arm_b / np.linalg.norm(arm_b)
     opening_angle = _angle(arm_a, arm_b)
@@ -633,7 +634,7 @@ def _corner(a, b, ends, points, spacing, model, config, ties):
         cov = cov + config.unseen_end / 3.0 * unseen**2 * np.outer(along, along)
     if not _walls_end(points, position, *walls, model, config):
         return None
-    if _may_be_arc(points, position, a, b, model, config, ties):
+    if _may_be_arc(points, position, a, b, model, config, arcs):
         return None
     bisector = arm_a + arm_b
     # The scan runs counter-clockwise: seen from the sensor a room's corner turns left, a pillar's right.
