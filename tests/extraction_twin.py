@@ -344,6 +344,15 @@ def _misfit(points, normal, offset, model):
     return (points @ normal - offset) ** 2 / _variance(points, normal, model)
 
 
+def _hits(points, normal, offset):
+    """Abscissas where the beams meet a line; those of the points whose beams run nearly along it."""
+    away = np.abs(points @ normal - offset) < 0.5 * np.abs(points @ normal)
+    beams = points / np.linalg.norm(points, axis=1)[:, None]
+    cosines = np.where(away, beams @ normal, 1.0)
+    hits = np.where(away[:, None], beams * (offset / cosines)[:, None], points)
+    return hits @ [-normal[1], normal[0]]
+
+
 def _unexplained(abscissas, values, weights):
     """Values less their weighted regression line."""
     roots = np.sqrt(weights)
@@ -358,7 +367,7 @@ def _straight_pieces(wall, points, model, config):
         return [wall]
     fitted = points[wall.begin : wall.end + 1]
     normal, _ = _rough(fitted)
-    along, across = fitted @ [-normal[1], normal[0]], fitted @ normal
+    along, across = _hits(fitted, *_rough(fitted)), fitted @ normal
     weights = 1.0 / _variance(fitted, normal, model)
 
     def chi2(part):
@@ -378,7 +387,7 @@ def _straight_pieces(wall, points, model, config):
 def _bend(points, rough, model, config):
     """How far the ends of a wall bend away from its line, 0 where chance may do that (eq. M102)."""
     normal, offset = rough
-    along, weights = points @ [-normal[1], normal[0]], 1.0 / _variance(points, normal, model)
+    along, weights = _hits(points, *rough), 1.0 / _variance(points, normal, model)
     along = along - along.mean()
     square = _unexplained(along, along**2, weights)
     information = (weights * square**2).sum()

@@ -164,7 +164,7 @@ def test_cluttered_rooms(seed, config):
 
 @pytest.mark.slow
 def test_the_best_arc_decides_as_the_iterated_one_does():
-    """What two iterations leave of an arc's misfit decides about one corner in fifty at most, with the default rules."""
+    """What two iterations leave of an arc's misfit decides about one corner in fifty at most."""
     arcs = []
     for seed in range(10):
         world, rng = cluttered_room(seed), np.random.default_rng(seed)
