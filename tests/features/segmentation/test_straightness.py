@@ -57,6 +57,15 @@ def test_chance_splits_a_straight_wall_less_often_than_its_level_says(level):
     assert split / number <= most(level, number)
 
 
+def test_a_dense_oblique_wall_stays_one_line():
+    """Beams a millimetre apart on it, noise of two centimetres along it."""
+    rng, angles = np.random.default_rng(6), np.linspace(1.1, 1.2, 300)
+    for _ in range(30):
+        scan = scan_of(lambda bearings: 1.0 / np.cos(bearings), angles, rng)
+        found, whole = (extract(scan, MODEL, ExtractionConfig(straight_level=each)).lines for each in (1e-4, NEVER))
+        np.testing.assert_array_equal(found.beams, whole.beams)
+
+
 def stepped(rng: np.random.Generator) -> tuple[LaserScan, float, float]:
     """Two parallel walls, 8 to 20 cm apart, of 40 to 200 points together; the distances of both [m]."""
     near = rng.uniform(1.5, 4.0)
