@@ -25,7 +25,7 @@ def main() -> None:
     """Draw all pictures; recordings and runs go into the folder."""
     folder = Path(sys.argv[1])
     PICTURES.mkdir(exist_ok=True)
-    for name in ("apartment", "office-loop"):
+    for name in ("cluttered-room-6", "apartment", "office-loop"):
         command("world", "show", name, "--out", PICTURES / f"{name}.png")
     subprocess.run([sys.executable, ROOT / "examples" / "draw_floor_plans.py", folder], check=True)
     path = folder / "apartment.csv"

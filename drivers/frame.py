@@ -48,7 +48,9 @@ class LandmarkObservations:
             covs = np.asarray(self.covs, np.float64)
             if covs.shape != (ranges.size, 2, 2):
                 raise ValueError(f"covariances of shape {covs.shape}: expected {(ranges.size, 2, 2)}")
-            if not (np.isfinite(covs).all() and (covs[:, 0, 0] > 0.0).all() and (np.linalg.det(covs) > 0.0).all()):
+            with np.errstate(over="ignore"):
+                definite = (covs[:, 0, 0] > 0.0) & (np.linalg.det(covs) > 0.0)
+            if not (np.isfinite(covs).all() and definite.all()):
                 raise ValueError("a covariance of an observation is not positive definite")
             object.__setattr__(self, "covs", covs)
         if self.identities is not None:

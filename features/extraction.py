@@ -25,6 +25,9 @@ from features.signature import Kind
 
 DEFAULT_CONFIG = ExtractionConfig()
 
+TURN_OF_BEND = 12.0
+"""Turn of a parabola from end to end, times its length, over how far its ends are off its line (eq. M102)."""
+
 CONCAVE, CONVEX = int(Kind.CONCAVE), int(Kind.CONVEX)
 
 
@@ -122,7 +125,7 @@ def find_corner(xs, ys, total, spacing, segment_a, segment_b, line_a, line_b, no
     """Fill the corner of two neighbours; False where there is none.
 
     Both walls must reach the intersection of their lines, no beam may pass the end of either, the opening angle must be
-    within the rules, and the walls must be no arc.
+    within the rules, and neither wall may run into an arc.
     """
     if not intersect_kernel(line_a, line_b, corner.position, corner.cov):
         return False
@@ -148,12 +151,14 @@ def find_corner(xs, ys, total, spacing, segment_a, segment_b, line_a, line_b, no
     corner.kind = CONVEX if cross > 0.0 else CONCAVE
     if not rules.corner_angle_min <= corner.opening_angle <= rules.corner_angle_max:
         return False
+    # A wall that may be bent turns by so much from end to end: where another one runs into it there is no edge.
+    turn = math.pi - corner.opening_angle
+    if turn * length_a <= TURN_OF_BEND * segment_a.bend or turn * length_b <= TURN_OF_BEND * segment_b.bend:
+        return False
     doubt_end(xs[last], ys[last], wall_a, noise, rules, corner)
     doubt_end(xs[first], ys[first], wall_b, noise, rules, corner)
     end = end_of(xs, ys, total, segment_a, segment_b)
-    return walls_end(xs, ys, segment_a.begin, end, x, y, wall_a, wall_b, noise, rules) and not is_arc(
-        xs, ys, segment_a.begin, end, x, y, wall_a, wall_b, noise, rules
-    )
+    return walls_end(xs, ys, segment_a.begin, end, x, y, wall_a, wall_b, noise, rules)
 
 
 @inner()
@@ -191,23 +196,24 @@ def bend_line(line, bend):
 
 
 @inner()
-def doubt_bend(xs, ys, total, segment_a, segment_b, line_a, line_b, noise, rules, corner):
-    """Enlarge the ``bend`` of two neighbours that meet too bluntly for a corner and may be an arc (eq. M102)."""
+def part_arc(xs, ys, total, segment_a, segment_b, line_a, line_b, noise, rules, corner):
+    """Part two neighbours that may be an arc, and enlarge the ``bend`` of both (eq. M102)."""
     ax = line_a.ends[1, 0] - line_a.ends[0, 0]
     ay = line_a.ends[1, 1] - line_a.ends[0, 1]
     bx = line_b.ends[1, 0] - line_b.ends[0, 0]
     by = line_b.ends[1, 1] - line_b.ends[0, 1]
     turn = abs(math.atan2(ax * by - ay * bx, ax * bx + ay * by))
-    if turn >= math.pi - rules.corner_angle_max or not intersect_kernel(line_a, line_b, corner.position, corner.cov):
+    if not intersect_kernel(line_a, line_b, corner.position, corner.cov):
         return
     end = end_of(xs, ys, total, segment_a, segment_b)
     x, y = corner.position[0], corner.position[1]
     if is_arc(xs, ys, segment_a.begin, end, x, y, normal_of(line_a), normal_of(line_b), noise, rules):
         length2_a = ax * ax + ay * ay
         length2_b = bx * bx + by * by
-        per_length2 = turn / (6.0 * (math.sqrt(length2_a) + math.sqrt(length2_b)))
+        per_length2 = 2.0 * turn / (TURN_OF_BEND * (math.sqrt(length2_a) + math.sqrt(length2_b)))
         segment_a.bend = max(segment_a.bend, per_length2 * length2_a)
         segment_b.bend = max(segment_b.bend, per_length2 * length2_b)
+        segment_a.joined = 0
 
 
 @kernel(
@@ -276,7 +282,7 @@ def _extract_kernel(
         a = segments[k].line
         b = segments[after].line
         if segments[k].joined and after != k and a >= 0 and b >= 0:
-            doubt_bend(xs, ys, total, segments[k], segments[after], lines[a], lines[b], noise, rules, corners[0])
+            part_arc(xs, ys, total, segments[k], segments[after], lines[a], lines[b], noise, rules, corners[0])
     for k in range(count):
         if segments[k].line >= 0:
             bend_line(lines[segments[k].line], segments[k].bend)

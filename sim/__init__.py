@@ -19,7 +19,7 @@ from sim.motion.person import Person
 from sim.motion.robot import OmniRobot, Robot
 from sim.motion.true_trajectory import TrueTrajectory
 from sim.scenarios import room_run, site_run
-from sim.sensing.effects import EFFECTS, Effects
+from sim.sensing.effects import EFFECTS, Effects, effects_of
 from sim.sensing.labels import label_corners
 from sim.sensing.lidar import Lidar, Measurement
 from sim.sensing.visibility import VisibleSections, visible_corners, visible_sections
@@ -57,6 +57,7 @@ __all__ = [
     "WorldError",
     "cluttered_room",
     "drive_through",
+    "effects_of",
     "environment_a",
     "environment_b",
     "find_site",

@@ -37,6 +37,11 @@ class SensorConfig(_Section):
     """Noise of a single beam, limits and mounting."""
 
     preset: str = Field(description="sensor that the values below started from")
+    noise: Literal["measured", "given"] = Field(
+        default="given",
+        description="measured: sigma_range_mm and range_max_m are what the run starts with, until its scans show them; "
+        "given: they stay, and a run that contradicts them says so",
+    )
     sigma_range_mm: float = Field(gt=0.0, description="standard deviation of a range [mm]")
     sigma_bearing_deg: float = Field(gt=0.0, description="standard deviation of the direction of a beam [deg]")
     range_min_m: float = Field(ge=0.0, description="a shorter range is no return [m]")
@@ -49,6 +54,7 @@ class SensorConfig(_Section):
         model = sensor_preset(preset)
         return cls(
             preset=preset,
+            noise="measured",
             sigma_range_mm=model.sigma_range * 1e3,
             sigma_bearing_deg=math.degrees(model.sigma_bearing),
             range_min_m=model.range_min,

@@ -29,6 +29,8 @@ def load_config(
 ) -> SlamConfig:
     """Put a configuration together: the sensor preset, over it the TOML file, over it what the caller names.
 
+    A file that sets ``sensor.sigma_range_mm`` and not ``sensor.noise`` means this noise, and none that is measured.
+
     Parameters
     ----------
     path : TOML file with any subset of the keys; None for the defaults.
@@ -57,6 +59,8 @@ def load_config(
         base = SlamConfig.of_preset(chosen, source.mounting).model_dump()
         if not source.has_odometry:
             base["odometry"]["source"] = "lines"
+        if "sigma_range_mm" in sensor:
+            base["sensor"]["noise"] = "given"
         merged = _overlay(base, given)
         if seed is not None:
             merged["seed"] = seed

@@ -15,23 +15,23 @@ class KeyFrame:
 
     Parameters
     ----------
-    record : its number.
+    scan : number of its scan.
     walls_robot : ends of the lines of its scan, robot frame, shape (L, 2, 2) [m].
     points_robot : points of its scan, robot frame, shape (n, 2) [m].
     """
 
-    record: int
+    scan: int
     walls_robot: Array
     points_robot: Array
 
     @classmethod
-    def of(cls, record: int, view: View, sensor: SensorModel) -> "KeyFrame":
+    def of(cls, number: int, view: View, sensor: SensorModel) -> "KeyFrame":
         """Take the walls and points of a view."""
         scan = view.scan
         if scan is None or view.features is None:
-            return cls(record, np.empty((0, 2, 2)), np.empty((0, 2)))
+            return cls(number, np.empty((0, 2, 2)), np.empty((0, 2)))
         seen = sensor.returned(scan.ranges)
         ranges, angles = scan.ranges[seen], scan.angles[seen]
         points_sensor = np.stack([ranges * np.cos(angles), ranges * np.sin(angles)], axis=-1)
         mounting = sensor.mounting
-        return cls(record, mounting.points_to_robot(view.features.lines.ends), mounting.points_to_robot(points_sensor))
+        return cls(number, mounting.points_to_robot(view.features.lines.ends), mounting.points_to_robot(points_sensor))

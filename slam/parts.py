@@ -62,10 +62,15 @@ class Estimators:
 
     @classmethod
     def start(
-        cls, config: SlamConfig, rules: SlamRules, pose_world_robot: Pose, associator: Associator | None
+        cls,
+        config: SlamConfig,
+        rules: SlamRules,
+        pose_world_robot: Pose,
+        associator: Associator | None,
+        sensor: SensorModel,
     ) -> "Estimators":
-        """Estimators as they are configured, at the first pose, shape (3,)."""
-        odometry = line_odometry(config, pose_world_robot, rules)
+        """Estimators as they are configured, at the first pose, shape (3,), for a sensor that may be measured."""
+        odometry = line_odometry(config, pose_world_robot, rules, sensor)
         keep_distance = config.front_end.keep_distance_m
         front_end = FrontEnd(
             pose_world_robot, FIRST_POSE_COV, gates(config, rules), keep_distance, associator, rules.filter
@@ -77,8 +82,9 @@ def line_odometry(
     config: SlamConfig,
     pose_map_robot: Pose,
     rules: SlamRules = SlamRules(),  # noqa: B008, frozen
+    sensor: SensorModel | None = None,
 ) -> LineOdometry:
-    """Odometry as it is configured, from its first pose."""
+    """Odometry as it is configured, from its first pose; the sensor is that of the configuration by default."""
     odometry = config.odometry
     wheels = OdometryModel(
         position_per_travel=odometry.position_per_travel,
@@ -97,7 +103,7 @@ def line_odometry(
     else:
         motion = WheelMotion(wheels, rules.wheels)
     extraction = config.extraction
-    sensor = config.sensor.model()
+    sensor = sensor or config.sensor.model()
     line_distance = max(extraction.split_distance_mm * 1e-3, extraction.split_sigmas * sensor.sigma_range)
     return LineOdometry(pose_map_robot, motion, sensor, line_distance, odometry.key_frames, rules.odometry)
 

@@ -2,12 +2,14 @@
 
 import math
 from collections.abc import Callable, Sequence
+from copy import deepcopy
 from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from drivers.frame import Frame
+from features.noise.gauge import NoiseGauge
 from features.scan import LaserScan
 from features.se2 import Array, Pose, compose
 from slam.config import SlamConfig
@@ -24,7 +26,7 @@ from slam.graph.solution import Solution, solve
 from slam.graph.values import Closure
 from slam.key_frame import KeyFrame
 from slam.map.landmark_map import landmark_map
-from slam.odometry.deskew import deskew_by_odometry
+from slam.odometry.deskew import Sweep, deskew
 from slam.parts import FIRST_POSE_COV, CwlfExtractor, Estimators, loop_closer, trust_monitor
 from slam.result.assemble import assemble_result
 from slam.result.records import Records
@@ -69,19 +71,27 @@ class Slam:
         self.config = config
         self._rules = rules
         self._solution: Solution | None = None
-        self._sensor = config.sensor.model()
         self._extractor: Extractor = extractor or CwlfExtractor(config.extraction)
         self._associator = associator
         self._back_end = back_end
+        use = config.sensor.noise == "measured"
+        self._gauge = NoiseGauge(config.sensor.model(), self._extractor, use=use, rules=rules.noise)
+        self._held: list[Frame] = []
+        self._clock = StageClock("extract", "odometry", "front_end", "back_end", "loop")
+        self._begin()
+
+    def _begin(self) -> None:
+        """Begin with the sensor as it is known now, without any frame."""
+        config, rules = self.config, self._rules
+        self._sensor = self._gauge.sensor
         self._graph = self._new_graph()
         self._closer = loop_closer(config, rules)
         self._started: Estimators | None = None
-        self._records = Records()
+        self._records = Records(has_odometry=config.odometry.source != "lines")
         self._key_frames: list[KeyFrame] = []
         self._unidentified: list[Sighting] = []
         self._observations = ObservationCounts()
         self._monitor = trust_monitor(config, rules)
-        self._clock = StageClock("extract", "odometry", "front_end", "back_end", "loop")
 
     @property
     def pose(self) -> Pose:
@@ -102,7 +112,7 @@ class Slam:
     @property
     def scans(self) -> int:
         """Scans processed so far."""
-        return self._records.scans
+        return len(self._records.scans)
 
     @property
     def stamp(self) -> float:
@@ -117,7 +127,14 @@ class Slam:
     @property
     def key_frame_records(self) -> NDArray[np.int64]:
         """Number of the record of each key frame, shape (k,)."""
-        return np.array([key_frame.record for key_frame in self._key_frames], np.int64)
+        scans = self._records.scans
+        return np.array([scans[key_frame.scan].record for key_frame in self._key_frames], np.int64)
+
+    @property
+    def key_frame_stamps(self) -> Array:
+        """When the robot was at each key frame, shape (k,) [s]."""
+        scans = self._records.scans
+        return np.array([scans[key_frame.scan].stamp for key_frame in self._key_frames])
 
     @property
     def closures(self) -> Sequence[Closure]:
@@ -139,6 +156,8 @@ class Slam:
     def process(self, frame: Frame) -> Step:
         """Process one frame.
 
+        The frame at which the noise of the sensor becomes known has all before it processed anew with this noise.
+
         Raises
         ------
         DivergedError
@@ -146,11 +165,41 @@ class Slam:
         ValueError
             The stamp is smaller than the one before, or stamp or pose is not finite; nothing has changed.
         """
+        step = self._process(frame)
+        if self._gauge.ready:
+            return step
+        # What a caller writes into its arrays afterwards does not count.
+        self._held.append(deepcopy(frame))
+        if frame.observations is not None:
+            self._gauge.leave()
+        again = frame.scan is not None and self._gauge.see(frame.scan)
+        return self._process_anew() if again else self._release(step)
+
+    def _process_anew(self) -> Step:
+        """Process all frames so far again, with what is known of the sensor now."""
+        self._begin()
+        *before, step = [self._process(frame) for frame in self._held]
+        return self._release(replace(step, before=tuple(before)))
+
+    def _release(self, step: Step) -> Step:
+        """Let go of the frames that were held, once nothing more is to be measured on them."""
+        if self._gauge.ready:
+            self._held.clear()
+        return step
+
+    def _process(self, frame: Frame) -> Step:
         self._predict(frame.stamp, self._records.checked(frame))
-        view = self._extract(frame)
+        if frame.scan is not None:
+            self._estimators.odometry.look_for_stand(frame.scan)
+        sweep = self._sweep(frame.scan)
+        view = self._extract(frame, sweep)
         if view is None:
             return Step(frame.stamp, self.pose)
-        self._register(frame.stamp, view)
+        stamp, pose_odom = frame.stamp, self._records.poses_odom[-1]
+        if sweep is not None:
+            stamp, pose_odom = sweep.stamp, sweep.pose_odom
+            self._estimators.odometry.predict(stamp, pose_odom)
+        self._register(stamp, pose_odom, view, sweep)
         association = None
         key_frame_due = self._key_frame_due(view)
         if key_frame_due or self._update_due():
@@ -159,18 +208,28 @@ class Slam:
                 self._add_key_frame(view, landmarks)
                 self._close_loop(view)
         pose = self.pose
-        self._records.add_scan(pose)
-        return Step(frame.stamp, pose, view.features, association)
+        odometry = self._estimators.odometry
+        self._records.add_scan(stamp, pose_odom, odometry.pose.copy(), pose)
+        if odometry.stand_found:
+            self._records.stood(odometry.stand_found)
+        cov = None if association is None else self.filter.pose_cov
+        return Step(stamp, pose, view.features, association, cov)
 
     def _predict(self, stamp: float, pose_odom_robot: Pose) -> None:
         """Move odometry on to a record; the first one starts the estimators."""
         if self._started is None:
-            self._started = Estimators.start(self.config, self._rules, pose_odom_robot, self._associator)
+            self._started = Estimators.start(self.config, self._rules, pose_odom_robot, self._associator, self._sensor)
         odometry = self._started.odometry
         odometry.predict(stamp, pose_odom_robot)
         self._records.add(stamp, pose_odom_robot, odometry.pose)
 
-    def _extract(self, frame: Frame) -> View | None:
+    def _sweep(self, scan: LaserScan | None) -> Sweep | None:
+        """Motion during a scan; None where it is not to be undone, or the beams have no times."""
+        if scan is None or not self.config.front_end.deskew:
+            return None
+        return self._estimators.odometry.sweep(scan, self._records.stamps, self._records.poses_odom)
+
+    def _extract(self, frame: Frame, sweep: Sweep | None) -> View | None:
         """Return what a frame shows; None for a record of odometry only."""
         config = self.config
         if frame.observations is not None:
@@ -184,33 +243,27 @@ class Slam:
         if frame.scan is None:
             return None
         with self._clock.timed("extract"):
-            return view_of_scan(self._without_motion(frame.scan), self._sensor, self._extractor)
+            scan = frame.scan if sweep is None else deskew(frame.scan, self._sensor, sweep)
+            view = view_of_scan(scan, self._sensor, self._extractor, sweep)
+            if view.features is not None and (sigma := self._gauge.watch(scan, view.features.lines)) is not None:
+                self._monitor.scattered(frame.stamp, sigma, self._sensor.sigma_range)
+            return view
 
-    def _without_motion(self, scan: LaserScan) -> LaserScan:
-        """Undo the motion of the robot during a scan, if it is configured and the times of the beams are known."""
-        if not self.config.front_end.deskew:
-            return scan
-        records = self._records
-        # Without wheels the velocity comes from the poses found so far.
-        poses = records.poses_map if self.config.odometry.source == "lines" else records.poses_odom
-        return deskew_by_odometry(scan, self._sensor, records.stamps, poses)
-
-    def _register(self, stamp: float, view: View) -> None:
+    def _register(self, stamp: float, pose_odom: Pose, view: View, sweep: Sweep | None) -> None:
         """Correct odometry by the walls."""
         if view.scan is None or view.features is None:
             return
-        estimators, records, lines = self._estimators, self._records, view.features.lines
+        estimators, lines = self._estimators, view.features.lines
         odometry = estimators.odometry
         with self._clock.timed("odometry"):
             if self.config.odometry.source == "wheel":
-                odometry.set_scan(view.scan, lines)
+                odometry.set_scan(view.scan, lines, sweep)
             else:
                 rejected = odometry.counts.predictions_rejected
-                points = odometry.register(stamp, view.scan, lines)
-                records.correct(odometry.pose)
+                points = odometry.register(stamp, view.scan, lines, sweep)
                 rejected = odometry.counts.predictions_rejected > rejected
                 self._monitor.registered(
-                    stamp, points.points, odometry.pose, records.poses_odom[-1], odometry.share, rejected=rejected
+                    stamp, points.points, odometry.pose, pose_odom, odometry.share, rejected=rejected
                 )
             self._monitor.drove(stamp, estimators.since_scan.motion, seen=len(lines) > 0)
             estimators.since_scan.reset()
@@ -260,7 +313,7 @@ class Slam:
                 self._closer.add_key_frame(odometry.scan, view.corners_robot, motion, motion_cov)
             since.reset()
             odometry.add_key_frame()
-            self._key_frames.append(KeyFrame.of(len(self._records) - 1, view, self._sensor))
+            self._key_frames.append(KeyFrame.of(self.scans, view, self._sensor))
 
     def _close_loop(self, view: View) -> None:
         """Search for a loop closure at the newest key frame; after one, move the filter to the pose in the graph."""
@@ -284,6 +337,8 @@ class Slam:
         """
         if not self._key_frames:
             raise ValueError("no scan was processed: there is nothing to finish")
+        if not self._gauge.ready and self._gauge.end():
+            self._process_anew()
         with self._clock.timed("back_end"):
             self._solution = solution = self._solve()
         landmarks = landmark_map(solution, self.config.map.min_observations)
@@ -330,6 +385,7 @@ class Slam:
             observations=replace(self._observations),
             landmark_life=solution.table.counts(self.config.map.min_observations),
             closures=replace(self._closer.counts, revoked=len(solution.estimate.revoked)),
+            noise=self._gauge.summary(),
             nis=self._monitor.nis,
             trust=self.trust,
             stages=self._clock.stages(),

@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass
 
+from features.noise.rules import NoiseRules
 from slam.filter.rules import FilterRules
 from slam.graph.rules import GraphRules, MultiHypothesisRules
 from slam.loop.rules import LoopRules
@@ -17,6 +18,7 @@ class SlamRules:
     ----------
     odometry, wheels, velocity : registration of scans, calibration of wheels, and the motion without wheels.
     filter, graph, hypotheses, loop : the filter, the factor graph, multi-hypothesis association and loop closing.
+    noise : measurement of the noise of the scanner.
     trust : what speaks against a run.
     """
 
@@ -27,4 +29,5 @@ class SlamRules:
     graph: GraphRules = GraphRules()  # noqa: RUF009, frozen
     hypotheses: MultiHypothesisRules = MultiHypothesisRules()  # noqa: RUF009, frozen
     loop: LoopRules = LoopRules()  # noqa: RUF009, frozen
+    noise: NoiseRules = NoiseRules()  # noqa: RUF009, frozen
     trust: TrustRules = TrustRules()  # noqa: RUF009, frozen

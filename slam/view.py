@@ -7,11 +7,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from drivers.frame import LandmarkObservations
-from features.feature import Corners, Features
+from features.feature import Corners, Features, Lines
 from features.scan import LaserScan
+from features.se2 import Array
 from features.sensor import SensorModel
 from slam.graph.values import Observations
 from slam.observed import observed_points
+from slam.odometry.deskew import Sweep, doubt_corners
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -53,13 +55,44 @@ class Extractor(Protocol):
         ...
 
 
-def view_of_scan(scan: LaserScan, sensor: SensorModel, extractor: Extractor) -> View:
-    """View that a scan without motion in it, sensor frame, gives."""
+def view_of_scan(scan: LaserScan, sensor: SensorModel, extractor: Extractor, sweep: Sweep | None = None) -> View:
+    """View that a scan without motion in it, sensor frame, gives; lines and corners without a covariance are left out.
+
+    The doubt of the motion that was undone, during a ``sweep``, enters the covariance of the corners.
+    """
     features = extractor(scan, sensor)
-    return View(features.corners.to_robot(sensor.mounting), scan, features)
+    lines, corners = features.lines, features.corners
+    known = _determined(lines.params, lines.covs) & (lines.ends[:, 0] != lines.ends[:, 1]).any(axis=1)
+    known &= np.isfinite(lines.ends).all(axis=(1, 2))
+    features = Features(Lines(lines.records[known]), Corners(corners.records[_known(corners)]))
+    corners_robot = features.corners.to_robot(sensor.mounting)
+    if sweep is not None:
+        corners_robot = doubt_corners(corners_robot, scan, sensor.mounting, sweep)
+    return View(corners_robot, scan, features)
+
+
+def _known(corners: Corners) -> NDArray[np.bool_]:
+    """Whether each corner has a covariance and is not at the origin, where it would have no bearing, shape (n,)."""
+    positions = corners.positions
+    away = np.abs(positions).max(axis=1, initial=0.0) > np.finfo(np.float64).eps
+    return _determined(positions, corners.covs) & away
+
+
+def _determined(params: Array, covs: Array) -> NDArray[np.bool_]:
+    """Whether pairs of parameters, shape (n, 2), have covariances, shape (n, 2, 2), that double precision resolves.
+
+    A fit that has not converged gives a covariance that is singular, infinite or NaN; what is computed with it is NaN.
+    """
+    eps = np.finfo(np.float64).eps
+    first, second, mixed = covs[:, 0, 0], covs[:, 1, 1], covs[:, 0, 1]
+    with np.errstate(over="ignore", invalid="ignore"):
+        resolved = (np.minimum(first, second) > eps**2) & (np.maximum(first, second) < eps**-2)
+        return resolved & (first * second - mixed**2 > eps * first * second) & np.isfinite(params).all(axis=1)
 
 
 def view_of_observations(observations: LandmarkObservations, sensor: SensorModel, *, use_identities: bool) -> View:
     """View that landmarks found by the sensor itself give, with their identities where these may be used."""
     points_robot, identities = observed_points(observations, sensor)
-    return View(points_robot, identities=identities if use_identities else None)
+    known = _known(points_robot)
+    points_robot = Corners(points_robot.records[known])
+    return View(points_robot, identities=identities[known] if use_identities and identities is not None else None)

@@ -258,7 +258,7 @@ def extract(ranges, angles, model, config, arcs=None):
         for follower in [(i + 1) % len(fitted)]
         if follower != i and walls[k].joined and fitted[follower] == (k + 1) % len(walls)
     ]
-    arms = {}
+    arms, parted = {}, []
     for i, follower in neighbours:
         a, b = walls[fitted[i]], walls[fitted[follower]]
         # In a closed contour the points of the first wall follow those of the last one; the cut is one point of both.
@@ -266,19 +266,23 @@ def extract(ranges, angles, model, config, arcs=None):
         arms[i] = points[between]
         along_a, along_b = (line.ends[1] - line.ends[0] for line in (lines[i], lines[follower]))
         turn = np.pi - _angle(-along_a, along_b)
-        if turn < np.pi - np.radians(config.corner_angle_max_deg) and _cross(*_normals(lines[i], lines[follower])):
+        if _cross(*_normals(lines[i], lines[follower])):
             position, _ = intersect(lines[i], lines[follower])
             if _may_be_arc(arms[i], position, lines[i], lines[follower], model, config, arcs):
                 lengths = np.array([np.linalg.norm(along_a), np.linalg.norm(along_b)])
                 curvature = 2.0 * turn / lengths.sum()
                 for j, length in zip((i, follower), lengths, strict=True):
                     bends[j] = max(bends[j], length**2 / 12.0 * curvature)
+                parted.append((i, follower))
     lines = [_bent(line, bend) for line, bend in zip(lines, bends, strict=True)]
 
     corners = []
     for i, follower in neighbours:
+        if (i, follower) in parted:
+            continue
         ends = points[walls[fitted[i]].last], points[walls[fitted[follower]].first]
-        corner = _corner(lines[i], lines[follower], ends, arms[i], spacing, model, config, arcs)
+        bent = bends[i], bends[follower]
+        corner = _corner(lines[i], lines[follower], ends, bent, arms[i], spacing, model, config)
         if corner is not None:
             corners.append(corner)
     return lines, corners
@@ -625,12 +629,16 @@ def _trim(segment, points, count, distance):
     return [int(segment[a]), int(segment[b])]
 
 
-def _corner(a, b, ends, points, spacing, model, config, arcs):
+def _corner(a, b, ends, bends, points, spacing, model, config):
     arm_a, arm_b = a.ends[0] - a.ends[1], b.ends[1] - b.ends[0]
     arm_a, arm_b = arm_a / np.linalg.norm(arm_a), arm_b / np.linalg.norm(arm_b)
     opening_angle = _angle(arm_a, arm_b)
     if not np.radians(config.corner_angle_min_deg) <= opening_angle <= np.radians(config.corner_angle_max_deg):
         return None
+    # An arc that turns as much from end to end runs into the other wall.
+    for line, bend in zip((a, b), bends, strict=True):
+        if np.pi - opening_angle <= 12.0 * bend / np.linalg.norm(line.ends[1] - line.ends[0]):
+            return None
     position, cov = intersect(a, b)
     walls = _unit_form(a), _unit_form(b)
     for end, (normal, _) in zip(ends, walls, strict=True):
@@ -642,8 +650,6 @@ def _corner(a, b, ends, points, spacing, model, config, arcs):
         along = np.array([-normal[1], normal[0]])
         cov = cov + config.unseen_end / 3.0 * unseen**2 * np.outer(along, along)
     if not _walls_end(points, position, *walls, model, config):
-        return None
-    if _may_be_arc(points, position, a, b, model, config, arcs):
         return None
     bisector = arm_a + arm_b
     # The scan runs counter-clockwise: seen from the sensor a room's corner turns left, a pillar's right.

@@ -92,21 +92,34 @@ def round_to_step(values: Array, step: float) -> Array:
     return values if step == 0.0 else step * np.round(values / step)
 
 
+def _rplidar(range_max: float, returned: float) -> Effects:
+    """Return the effects of an RPLIDAR that sees white up to a range [m], where so many of the beams return.
+
+    Sweep, steps and range are those of its data sheet and protocol: 10 Hz, whole millimetres and 1/64 deg. Width,
+    shares and incidence are assumed.
+    """
+    return Effects(
+        sweep_time=0.1,
+        beam_width=3e-3,
+        mixed_share=0.3,
+        lost_share=2e-3,
+        fade_range=range_max / math.sqrt(-math.log(returned)),
+        glass_incidence=math.radians(10.0),
+        range_step=1e-3,
+        angle_step=math.radians(1.0 / 64.0),
+    )
+
+
 EFFECTS: Mapping[str, Effects] = MappingProxyType(
     {
         "ideal": Effects(),
-        # Sweep, steps and range are those of its data sheet and protocol: 10 Hz, whole millimetres and 1/64 deg, and
-        # 40 m on white, where half of the beams are assumed to return. Width, shares and incidence are assumed.
-        "rplidar-s1": Effects(
-            sweep_time=0.1,
-            beam_width=3e-3,
-            mixed_share=0.3,
-            lost_share=2e-3,
-            fade_range=40.0 / math.sqrt(math.log(2.0)),
-            glass_incidence=math.radians(10.0),
-            range_step=1e-3,
-            angle_step=math.radians(1.0 / 64.0),
-        ),
+        # By time of flight: the range ends where the light is too weak.
+        "rplidar-s1": _rplidar(40.0, 0.5),
+        "rplidar-s2": _rplidar(30.0, 0.5),
+        # Triangulating: it ends where a pixel of the camera is too coarse, with light to spare.
+        "rplidar-a1": _rplidar(12.0, 0.9),
+        "rplidar-a2": _rplidar(16.0, 0.9),
+        "rplidar-a3": _rplidar(25.0, 0.9),
         # From its data sheet: a mirror at 75 Hz that scans during half a turn, whole centimetres, 4.4 mrad, and 80 m,
         # where half of the beams are assumed to return. Shares and incidence are assumed.
         "sick-lms": Effects(
@@ -121,3 +134,14 @@ EFFECTS: Mapping[str, Effects] = MappingProxyType(
     }
 )
 """Effects of known sensors by the name that the command line takes."""
+
+
+def effects_of(name: str, sensor: str) -> Effects:
+    """Return effects by the name that the command line takes.
+
+    Parameters
+    ----------
+    name : a name in :data:`EFFECTS`, ``on`` for those of the sensor, or ``off`` for none.
+    sensor : preset of the sensor.
+    """
+    return EFFECTS[{"on": sensor, "off": "ideal"}.get(name, name)]

@@ -17,18 +17,25 @@ from sim.sensing.beam_hits import Hits, cast_beams_at, cos_incidence, mix_edges
 from sim.sensing.effects import Effects, round_to_step
 from sim.worlds.world import World
 
-_FULL_TURN = np.asarray(-math.pi + 2.0 * math.pi * np.arange(920) / 920.0, dtype=np.float64)
+
+def _full_turn(beams: int) -> Array:
+    return -math.pi + 2.0 * math.pi * np.arange(beams) / beams
+
 
 _BEAMS: Mapping[str, tuple[Array, float]] = MappingProxyType(
     {
-        "rplidar-s1": (_FULL_TURN, 10.0),
+        "rplidar-s1": (_full_turn(920), 10.0),
+        "rplidar-a1": (_full_turn(800), 10.0),
+        "rplidar-a2": (_full_turn(800), 10.0),
+        "rplidar-a3": (_full_turn(1600), 10.0),
+        "rplidar-s2": (_full_turn(3200), 10.0),
         "sick-lms": (np.asarray(np.radians(np.arange(-90.0, 90.0)), dtype=np.float64), 5.0),
     }
 )
-"""Angles [rad] and rate [Hz] of each preset that can be simulated.
+"""Angles [rad] and rate [Hz] of each preset of a laser scanner.
 
-An S1 takes 9,200 samples per second at 10 turns per second. An LMS scans faster than its serial line carries: at 19,200
-baud 180 ranges take a fifth of a second.
+By their data sheets an S1 takes 9,200 samples per second, A1 and A2 8,000, an A3 16,000 and an S2 32,000, all at 10
+turns per second. An LMS scans faster than its serial line carries: at 19,200 baud 180 ranges take a fifth of a second.
 """
 
 
@@ -104,24 +111,23 @@ class Lidar:
 
         Parameters
         ----------
-        name : ``rplidar-s1`` (920 beams over the full turn, 10 Hz), ``sick-lms`` (180 beams from -90 deg by 1 deg,
-            5 Hz), or ``ideal`` (the beams of the first, without noise or limits).
+        name : sensor preset of a laser scanner, such as ``rplidar-s1`` (920 beams over the full turn, 10 Hz) or
+            ``sick-lms`` (180 beams from -90 deg by 1 deg, 5 Hz), or ``ideal`` (the beams of the first, without noise or
+            limits).
         mounting : where the sensor sits on the robot; by default at its origin, facing forward.
         effects : errors beside the noise of the paper; those of a sensor are ``sim.EFFECTS[name]``.
 
         Raises
         ------
         ValueError
-            No preset has this name, or its beams are not known here.
+            No preset has this name, or it is no laser scanner.
         """
         mounting = mounting if mounting is not None else Mounting()
         if name == "ideal":
-            return cls(_FULL_TURN.copy(), 0.0, 0.0, 0.0, math.inf, 10.0, mounting, effects)
+            return cls(_full_turn(920), 0.0, 0.0, 0.0, math.inf, 10.0, mounting, effects)
         model = sensor_preset(name)
         if name not in _BEAMS:
-            raise ValueError(
-                f"the beams of sensor preset {name!r} are not known: known are {', '.join(sorted(_BEAMS))}"
-            )
+            raise ValueError(f"sensor preset {name!r} is no laser scanner: expected one of {', '.join(sorted(_BEAMS))}")
         angles, rate = _BEAMS[name]
         return cls(
             angles=angles.copy(),

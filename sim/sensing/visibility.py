@@ -41,7 +41,7 @@ class VisibleSections:
         return (self.beam_counts >= min_beams) & (self.lengths >= min_length)
 
 
-def visible_sections(world: World, pose_world_sensor: Pose, beams: int = 920) -> VisibleSections:
+def visible_sections(world: World, pose_world_sensor: Pose, beams: int | Array = 920) -> VisibleSections:
     """Split a scan without noise into the sections of walls that it shows.
 
     A wall whose middle is hidden is seen in two sections. What lies between two beams does not split a wall.
@@ -50,7 +50,8 @@ def visible_sections(world: World, pose_world_sensor: Pose, beams: int = 920) ->
     ----------
     world : the walls.
     pose_world_sensor : pose of the sensor, shape (3,) [m, m, rad].
-    beams : number of beams over the full turn; the first points straight back.
+    beams : number of beams over the full turn, the first of which points straight back; or the direction of each beam,
+        counter-clockwise and evenly spaced, sensor frame, shape (n,) [rad].
 
     Returns
     -------
@@ -61,15 +62,16 @@ def visible_sections(world: World, pose_world_sensor: Pose, beams: int = 920) ->
     ValueError
         ``beams`` is less than one.
     """
-    if beams < 1:
-        raise ValueError(f"beams is {beams}: expected at least 1")
     origin = np.asarray(pose_world_sensor[:2], dtype=np.float64)
     angles = _directions(pose_world_sensor, beams)
     ranges, wall_ids = world.cast(pose(*origin), angles)
-    first = np.flatnonzero((wall_ids != np.roll(wall_ids, 1)) & (wall_ids >= 0))
-    last = np.flatnonzero((wall_ids != np.roll(wall_ids, -1)) & (wall_ids >= 0))
+    before, after = np.roll(wall_ids, 1), np.roll(wall_ids, -1)
+    if not _is_full_turn(angles):
+        before[0] = after[-1] = -1
+    first = np.flatnonzero((wall_ids != before) & (wall_ids >= 0))
+    last = np.flatnonzero((wall_ids != after) & (wall_ids >= 0))
     if len(first) == 0 and wall_ids[0] >= 0:  # the sensor is on a wall, which every beam hits
-        first, last = np.array([0]), np.array([beams - 1])
+        first, last = np.array([0]), np.array([len(angles) - 1])
     elif len(first) > 0 and last[0] < first[0]:
         last = np.roll(last, -1)
     ends = [
@@ -80,12 +82,12 @@ def visible_sections(world: World, pose_world_sensor: Pose, beams: int = 920) ->
         first_beams=first,
         last_beams=last,
         lengths=np.hypot(*(ends[1] - ends[0]).T),
-        beam_counts=(last - first) % beams + 1,
+        beam_counts=(last - first) % len(angles) + 1,
     )
 
 
 def visible_corners(
-    world: World, pose_world_sensor: Pose, min_beams: int, min_length: float, beams: int = 920
+    world: World, pose_world_sensor: Pose, min_beams: int, min_length: float, beams: int | Array = 920
 ) -> npt.NDArray[np.int64]:
     """Find the corners of which a scan without noise shows both walls up to the corner.
 
@@ -95,7 +97,7 @@ def visible_corners(
     pose_world_sensor : pose of the sensor, shape (3,) [m, m, rad].
     min_beams : least number of beams of each of the two sections that end at the corner.
     min_length : least length of each of them, between its first and its last beam [m].
-    beams : number of beams over the full turn; the first points straight back.
+    beams : as in :func:`visible_sections`.
 
     Returns
     -------
@@ -109,12 +111,13 @@ def visible_corners(
     sections = visible_sections(world, pose_world_sensor, beams)
     shown = sections.shown(min_beams, min_length)
     angles = _directions(pose_world_sensor, beams)
+    spacing = 2.0 * math.pi / len(angles) if _is_full_turn(angles) else float(angles[1] - angles[0])
     corner_of = {frozenset(pair): corner for corner, pair in enumerate(world.corner_walls.tolist())}
     found: list[tuple[float, int]] = []
     for index in range(len(sections)):
         following = (index + 1) % len(sections)
         last = int(sections.last_beams[index])
-        if not (shown[index] and shown[following]) or sections.first_beams[following] != (last + 1) % beams:
+        if not (shown[index] and shown[following]) or sections.first_beams[following] != (last + 1) % len(angles):
             continue
         corner = corner_of.get(frozenset((int(sections.wall_ids[index]), int(sections.wall_ids[following]))))
         if corner is None:
@@ -122,11 +125,20 @@ def visible_corners(
         direction = math.atan2(*(world.corners[corner] - pose_world_sensor[:2])[::-1])
         # The sections may also be neighbours because one wall ends in front of the other, away from their corner.
         behind_last = (direction - angles[last] + _ROUNDING) % (2.0 * math.pi) - _ROUNDING
-        if behind_last <= 2.0 * math.pi / beams + _ROUNDING:
+        if behind_last <= spacing + _ROUNDING:
             found.append(((pose_world_sensor[2] - direction) % (2.0 * math.pi), corner))
     return np.array([corner for _, corner in sorted(found)], dtype=np.int64)
 
 
-def _directions(pose_world_sensor: Pose, beams: int) -> Array:
-    """Return the direction of each beam, world frame, shape (beams,) [rad]."""
+def _directions(pose_world_sensor: Pose, beams: int | Array) -> Array:
+    """Return the direction of each beam, world frame, shape (n,) [rad]."""
+    if not isinstance(beams, int):
+        return pose_world_sensor[2] + beams
+    if beams < 1:
+        raise ValueError(f"beams is {beams}: expected at least 1")
     return pose_world_sensor[2] - math.pi + 2.0 * math.pi * np.arange(beams) / beams
+
+
+def _is_full_turn(angles: Array) -> bool:
+    """Whether the first of evenly spaced beams follows on the last one."""
+    return len(angles) * (angles[-1] - angles[0]) >= (len(angles) - 1) * 2.0 * math.pi - _ROUNDING

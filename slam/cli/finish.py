@@ -34,6 +34,8 @@ def save(folder: Path, title: str, result: SlamResult, error: CwlfError | None) 
         f"({metrics.times_real_time:.0f} times real time), {metrics.landmarks} landmarks, "
         f"{metrics.key_frames} key frames"
     )
+    if metrics.noise is not None:
+        typer.echo(metrics.noise.sentence)
     for reason in metrics.trust.reasons:
         typer.echo(f"not to be trusted: {reason.sentence} (first at {reason.stamp:.3f} s)")
     typer.echo(f"run folder: {folder}")

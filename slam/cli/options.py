@@ -37,14 +37,34 @@ Config = Annotated[
 ]
 
 EffectsOption = Annotated[
-    Literal["ideal", "rplidar-s1", "sick-lms"],
+    Literal["off", "on", "ideal", "rplidar-s1", "rplidar-a1", "rplidar-a2", "rplidar-a3", "rplidar-s2", "sick-lms"],
     typer.Option(
         "--effects",
         help="What the scanner does beside the noise of the paper, such as motion during a sweep, mixed pixels, lost "
-        "beams, glass and steps: that of a sensor, or ideal, nothing.",
+        "beams, glass and steps: on, that of the scanner itself; that of a named one; or off, also ideal, nothing.",
     ),
+]
+SimulatedSensor = Annotated[
+    str, typer.Option("--sensor", help="Sensor preset of a laser scanner, such as rplidar-s1, rplidar-a1 or sick-lms.")
 ]
 OdometryOption = Annotated[
     Literal["exact", "good", "poor", "slipping"], typer.Option("--odometry", help="Errors of the wheels.")
 ]
 People = Annotated[int, typer.Option("--people", min=0, help="People who go to and fro beside the path.")]
+
+
+def check_simulated(sensor: str) -> None:
+    """Check that a scanner of this preset can be simulated.
+
+    Raises
+    ------
+    ConfigError
+        No preset has this name, or it is no laser scanner.
+    """
+    from sim.sensing.lidar import Lidar
+    from slam.errors import ConfigError
+
+    try:
+        Lidar.of_preset(sensor)
+    except ValueError as error:
+        raise ConfigError(f"--sensor: {error}") from None

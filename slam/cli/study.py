@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
-from slam.cli.options import EffectsOption, OdometryOption, People
+from slam.cli.options import EffectsOption, OdometryOption, People, SimulatedSensor, check_simulated
 
 if TYPE_CHECKING:
     from distributed import Client
@@ -42,11 +42,30 @@ Workers = Annotated[
 @study.command()
 def corners(
     environment: Annotated[
-        Literal["A", "B", "room", "random"],
-        typer.Option("--environment", help="A, B: like the paper's; room: the demo's; random: 20 rooms, many poses."),
+        Literal["A", "B", "room", "random", "cluttered"],
+        typer.Option(
+            "--environment",
+            help="A, B: like the paper's; room: the demo's; random, cluttered: rooms drawn at random, many poses.",
+        ),
     ],
     scans: Annotated[int, typer.Option("--scans", min=1, help="Noisy scans; all methods see the same.")] = 1000,
-    sigma_range_mm: SigmaRange = 20.0,
+    rooms: Annotated[
+        int | None,
+        typer.Option(
+            "--rooms", min=1, help="Rooms drawn; default: 20 random or 40 cluttered ones.", show_default=False
+        ),
+    ] = None,
+    sensor: SimulatedSensor = "rplidar-s1",
+    effects: EffectsOption = "off",
+    sigma_range_mm: Annotated[
+        float | None,
+        typer.Option(
+            "--sigma-range-mm",
+            min=0.001,
+            help="Standard deviation of a range [mm]; default: that of the sensor preset.",
+            show_default=False,
+        ),
+    ] = None,
     seed: Seed = 1,
     scheduler: Scheduler = None,
     workers: Workers = None,
@@ -57,7 +76,12 @@ def corners(
     from slam.study.paper.corners import CornerSettings
     from slam.study.paper.report import study_corners
 
-    settings = CornerSettings(environment=environment, scans=scans, sigma_range_mm=sigma_range_mm, seed=seed)
+    check_simulated(sensor)
+    chosen = {"sigma_range_mm": sigma_range_mm, "rooms": rooms}
+    settings = CornerSettings.model_validate(
+        {"environment": environment, "scans": scans, "sensor": sensor, "effects": effects, "seed": seed}
+        | {name: value for name, value in chosen.items() if value is not None}
+    )
     with _begun("corners", f"corners-{environment}", settings, out, overwrite, scheduler, workers) as (client, folder):
         _print(study_corners(client, folder, settings), folder)
 
@@ -84,8 +108,23 @@ def consistency(
 def slam(
     seeds: Annotated[int, typer.Option("--seeds", min=1, help="Simulated runs, each with a seed of its own.")] = 100,
     world: Annotated[
-        str, typer.Option("--world", help="What the robot drives through: name of a built-in world, or file.")
+        str,
+        typer.Option(
+            "--world",
+            help="What the robot drives through: name of a built-in world, or file; cluttered-room-* or random-room-*: "
+            "another room in each run.",
+        ),
     ] = "room",
+    sensor: SimulatedSensor = "rplidar-s1",
+    sigma_range_mm: Annotated[
+        float | None,
+        typer.Option(
+            "--sigma-range-mm",
+            min=0.001,
+            help="True standard deviation of a range; the configuration keeps that of the preset, the default [mm].",
+            show_default=False,
+        ),
+    ] = None,
     effects: EffectsOption = "ideal",
     odometry: OdometryOption = "poor",
     people: People = 0,
@@ -103,21 +142,19 @@ def slam(
 ) -> None:
     """Run the whole pipeline on simulated runs: errors, NEES, NIS, associations and duplicates against the truth."""
     from slam.study.monte_carlo.report import study_slam
-    from slam.study.monte_carlo.runs import MonteCarloSettings, simulated_run, study_config
+    from slam.study.monte_carlo.runs import EACH, MonteCarloSettings, simulated_run, study_config
     from slam.study.tasks.run import failure_message
 
-    settings = MonteCarloSettings(
-        world=world,
-        effects=effects,
-        odometry=odometry,
-        people=people,
-        seeds=seeds,
-        scans=limit or 0,
-        seed=seed,
-        config=study_config(config),
-    )
+    check_simulated(sensor)
+    given: dict[str, object] = {"world": world, "sensor": sensor}
+    given |= {"effects": effects, "odometry": odometry, "people": people}
+    given |= {"seeds": seeds, "scans": limit or 0, "seed": seed, "config": study_config(config, sensor)}
+    if sigma_range_mm is not None:
+        given["sigma_range_mm"] = sigma_range_mm
+    settings = MonteCarloSettings.model_validate(given)
     # What is wrong with the world is told at once, and once.
     name = simulated_run(settings, seed).name
+    name = world.removesuffix(EACH) if world.endswith(EACH) else name
     with _begun("slam", f"slam-{name}", settings, out, overwrite, scheduler, workers) as (client, folder):
         lines, failures = study_slam(client, folder, settings)
         _print(lines, folder)

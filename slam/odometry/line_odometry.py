@@ -1,21 +1,25 @@
 """Line-aided odometry: each scan is registered to the walls of the recent key frames."""
 
+import math
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from features.feature import Lines
 from features.scan import LaserScan
-from features.se2 import Array, Pose, between, compose, inverse, wrap_angle
+from features.se2 import Array, Pose, between, compose, inverse, rotation, wrap_angle
 from features.sensor import SensorModel
 from slam.errors import DivergedError
 from slam.odometry.beams import beams_through_walls
 from slam.odometry.cloned_pose import ClonedPose, PoseClone
+from slam.odometry.deskew import Sweep, doubt_pose, doubt_walls, walls_by_velocity
 from slam.odometry.line_map import LineMap, walls_of_lines
 from slam.odometry.motion_models import ConstantVelocity, WheelMotion
 from slam.odometry.registration import Registration, register
 from slam.odometry.rules import LineOdometryRules
 from slam.odometry.scan_points import ScanPoints, scan_points
+from slam.odometry.standing import StandDetector
 from slam.odometry.wheel_calibration import Calibration
 
 
@@ -51,6 +55,7 @@ class LineOdometry:
     Attributes
     ----------
     counts : what became of the scans.
+    stand_found : how many of the latest scans were taken from one place, where the latest one shows it first; else 0.
     """
 
     def __init__(
@@ -77,6 +82,12 @@ class LineOdometry:
         self._since_correction = self._drifting.clone()
         self._since_learned = self._drifting.clone()
         self._scan: ScanPoints | None = None
+        self._stamp = -math.inf
+        self._doubt: Array = np.zeros((3, 3))
+        self._stand = StandDetector(sensor, rules.stand)
+        self._stood = False
+        self.stand_found = 0
+        self._since_stand = self._drifting.clone()
         self._fit: Registration | None = None
 
     @property
@@ -115,23 +126,93 @@ class LineOdometry:
         if not self._drifting.finite:
             raise DivergedError("the pose or its covariance is no longer finite: look at the odometry")
 
-    def set_scan(self, scan: LaserScan, lines: Lines) -> ScanPoints:
+    def sweep(self, scan: LaserScan, stamps: Sequence[float], poses_odom: Sequence[Pose]) -> Sweep | None:
+        """Motion during a scan, by the records so far and what was learned of it; None where its beams have no times.
+
+        Its stamp, the middle of the sweep, is not before that of the scan before.
+        """
+        if scan.times is None or not len(scan):
+            return None
+        times = scan.stamp + scan.times
+        middle = max(0.5 * (float(times.min()) + float(times.max())), self._stamp)
+        sweep = self._motion.during(middle, times - middle, stamps, poses_odom)
+        finite = math.isfinite(middle) and np.isfinite(sweep.poses_middle_robot).all()
+        return sweep if finite and np.isfinite(sweep.velocity_cov).all() else None
+
+    def set_scan(self, scan: LaserScan, lines: Lines, sweep: Sweep | None = None) -> ScanPoints:
         """Remember the points of a scan and its lines, sensor frame, without a correction."""
-        walls_robot = walls_of_lines(lines, self._sensor.mounting)
+        mounting = self._sensor.mounting
+        walls_robot = walls_of_lines(lines, mounting)
+        self._doubt = np.zeros((3, 3))
+        if sweep is not None and len(lines):
+            by_velocity = walls_by_velocity(walls_robot, lines, scan, mounting, sweep)
+            self._doubt = doubt_pose(walls_robot, by_velocity, sweep, self._unknown_cov)
+            walls_robot = doubt_walls(walls_robot, by_velocity, sweep)
         self._scan = scan_points(scan, walls_robot, self._sensor, self._line_distance, self._rules.surfaces)
         return self._scan
 
-    def register(self, stamp: float, scan: LaserScan, lines: Lines) -> ScanPoints:
-        """Correct the pose by a scan and its lines, sensor frame; where it fits nowhere the prediction stands."""
-        points = self.set_scan(scan, lines)
+    def register(self, stamp: float, scan: LaserScan, lines: Lines, sweep: Sweep | None = None) -> ScanPoints:
+        """Correct the pose by a scan and its lines, sensor frame; where it fits nowhere the prediction stands.
+
+        Parameters
+        ----------
+        stamp : of the scan [s]; the middle of its sweep where the motion during it was undone.
+        scan, lines : without the motion during the scan, sensor frame.
+        sweep : motion during the scan, whose doubt enters the covariance; None where it took no time.
+        """
+        points = self.set_scan(scan, lines, sweep)
+        self._stamp = stamp
+        if self._rest(stamp):
+            return points
         self._fit = self._match(points) if len(self._map.walls) else None
         if self._fit is not None and not self._stationary:
-            self._drifting.correct(self._fit.information, self._fit.pull)
+            self._drifting.correct(*self._doubted(self._fit))
             self._since_correction.reset()
         if self._motion.learn(stamp, self._since_learned):
             self._since_learned.reset()
         self._since_scan.reset()
+        if self._stand.began:
+            self._since_stand.reset()
         return points
+
+    def look_for_stand(self, scan: LaserScan) -> None:
+        """Compare a scan, sensor frame as it was taken, with those before; with wheels these tell a stand."""
+        self.stand_found = 0
+        if isinstance(self._motion, ConstantVelocity):
+            self._stood = self._stand.standing
+            self._stand.add(scan)
+
+    def _rest(self, stamp: float) -> bool:
+        """Whether the robot stands, so that it is where it was before, at first where the stand began (eq. M70)."""
+        stand, drifting, since = self._stand, self._drifting, self._since_stand
+        if not isinstance(self._motion, ConstantVelocity):
+            return False
+        if stand.standing and not self._stood:
+            cov = since.motion_cov + stand.displacement_cov
+            if float(since.motion @ np.linalg.lstsq(cov, since.motion, rcond=None)[0]) > self._prediction_gate:
+                # The walls show a motion over which beams can no longer be compared.
+                stand.restart()
+        if not stand.standing:
+            if self._stood:
+                drifting.move(*self._motion.rest(stamp))
+                drifting.move(np.zeros(3), stand.moved_cov + np.outer(stand.moved, stand.moved))
+                self._motion.forget()
+            return False
+        drifting.move(*self._motion.rest(stamp))
+        if not self._stood:
+            drifting.move(inverse(since.motion), np.zeros((3, 3)))
+            self.stand_found = len(stand)
+        self._since_learned.reset()
+        self._since_scan.reset()
+        return True
+
+    def _doubted(self, fit: Registration) -> tuple[Array, Array]:
+        """Information and pull of a registration, less what the doubt of the motion during the scan takes (eq. M67)."""
+        turn = np.eye(3)
+        turn[:2, :2] = rotation(float(fit.pose_map_robot[2]))
+        kept = np.linalg.inv(np.eye(3) + fit.information @ (turn @ self._doubt @ turn.T))
+        information = kept @ fit.information
+        return 0.5 * (information + information.T), kept @ fit.pull
 
     @property
     def _stationary(self) -> bool:

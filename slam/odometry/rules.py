@@ -131,12 +131,34 @@ class VelocityRules:
 
 
 @dataclass(frozen=True, slots=True)
+class StandRules:
+    """When scans show that the robot stands (eq. M68-M70).
+
+    Parameters
+    ----------
+    scans : that a stand has at least; the latest half as many are compared with as many at its begin.
+    same : probability that displacements of a robot that stands differ by less than what is taken for a motion.
+    same_surface : ranges of neighbouring beams that differ by more are of different surfaces [m].
+    beside : how far apart the angles of two beams may be that are compared [rad].
+    kernel : residual, in robust standard deviations, where the Cauchy kernel halves the weight of a beam.
+    fits : times that the fit of a displacement is made.
+    """
+
+    scans: int = 20
+    same: float = 0.9999
+    same_surface: float = 0.3
+    beside: float = math.radians(1.0)
+    kernel: float = 2.0
+    fits: int = 8
+
+
+@dataclass(frozen=True, slots=True)
 class LineOdometryRules:
     """When a scan fits the walls, and what is tried where it does not.
 
     Parameters
     ----------
-    registration, surfaces, beams : rules of the parts.
+    registration, surfaces, beams, stand : rules of the parts.
     sure_share : share of its points that lie on known walls with which a scan is sure to fit.
     least_share : this share at another pose than the predicted one, at least, for that pose to be preferred.
     margin : how much larger than at the prediction it has to be there.
@@ -150,6 +172,7 @@ class LineOdometryRules:
     registration: RegistrationRules = RegistrationRules()
     surfaces: SurfaceRules = SurfaceRules()
     beams: BeamRules = BeamRules()
+    stand: StandRules = StandRules()
     sure_share: float = 0.45
     least_share: float = 0.3
     margin: float = 0.15

@@ -51,11 +51,19 @@ class WheelCalibration:
         """Covariance of travel, turn and drift, shape (3, 3); it holds for wheels whose chance errors are as stated."""
         return np.asarray(np.linalg.inv(self._information), np.float64)
 
-    def correct(self, motion: Pose, cov: Array) -> Pose:
-        """Correct a reported motion, given its covariance, for the systematic errors estimated so far."""
+    def corrected(self, motion: Pose) -> Pose:
+        """Correct a reported motion, shape (3,), for the systematic errors estimated so far."""
         left_out: Pose = _jacobian(motion) @ self._state
-        self._wheels.move(motion + left_out, cov)
         return motion + left_out
+
+    def move(self, motion: Pose, cov: Array) -> None:
+        """Append a motion, corrected, shape (3,), with its covariance, to the stretch that is compared next."""
+        self._wheels.move(motion, cov)
+
+    def doubt(self, motion: Pose) -> Array:
+        """Covariance of a motion, shape (3,), or of a velocity, that comes from the doubt of the calibration."""
+        jacobian = _jacobian(motion)
+        return jacobian @ self.cov @ jacobian.T
 
     def learn(self, since: PoseClone) -> bool:
         """Compare the motion since the last comparison with what the wheels say of it; False where it was too short."""

@@ -45,13 +45,13 @@ def draw_corners(path: Path, summary: Mapping[str, Any], rows: Rows, labels: Map
     summary, rows : of the study of corners; more than one world is drawn by worlds.
     labels : of the methods.
     """
-    shown = ("cwlf-paper", "arras-siegwart", "effective-variance")
+    shown = [key for key in ("cwlf-paper", "arras-siegwart", "effective-variance") if key in summary["methods"]]
     worlds = len({row["world"] for row in rows})
     with mpl.rc_context(STYLE):
         figure = new_figure(11.0, 9.0)
         axes = figure.subplots(3, 1, height_ratios=[1.0, 1.0, 0.9], sharex=True)
         for axis, name in zip(axes[:2], "xy", strict=True):
-            for offset, method in zip((-0.27, 0.0, 0.27), shown, strict=True):
+            for offset, method in zip((-0.27, 0.0, 0.27), shown, strict=False):
                 claimed, true = (_column(rows, method, f"{kind}_{name}_mm") for kind in ("sigma", "rms"))
                 at = np.arange(1, len(claimed) + 1) + offset
                 axis.bar(at, claimed, 0.25, color=COLORS[method], label=f"{labels[method]}: claimed sigma")

@@ -12,8 +12,6 @@ from slam.map.landmark_map import LandmarkMap
 from slam.result.records import Records
 from slam.result.result import SlamResult
 from slam.result.run_metrics import RunMetrics
-from slam.result.smoothing import carry_corrections
-from slam.result.trajectory import Trajectory
 
 
 def assemble_result(
@@ -25,13 +23,12 @@ def assemble_result(
     config: SlamConfig,
 ) -> SlamResult:
     """Apply the corrections of the key frames to all records, and place what the key frames saw in the world."""
-    odometry = records.odometry()
-    nodes = np.array([key_frame.record for key_frame in key_frames])
+    scans = np.array([key_frame.scan for key_frame in key_frames])
     placed = list(zip(estimate.poses_world_robot, key_frames, strict=True))
     return SlamResult(
-        trajectory=Trajectory(odometry.stamps, carry_corrections(odometry.poses, nodes, estimate.poses_world_robot)),
+        trajectory=records.corrected(scans, estimate.poses_world_robot),
         trajectory_online=records.online(),
-        trajectory_odometry=odometry,
+        trajectory_odometry=records.odometry(),
         wheel_odometry=records.wheels(),
         landmarks=landmarks,
         walls=np.concatenate([transform(pose, key_frame.walls_robot) for pose, key_frame in placed]),

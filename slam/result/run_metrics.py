@@ -4,6 +4,7 @@ from dataclasses import asdict, dataclass
 
 import numpy as np
 
+from features.noise.gauge import NoiseSummary
 from slam.filter.association import ObservationCounts
 from slam.filter.landmark_table import LandmarkCounts
 from slam.loop.rules import LoopCounts
@@ -34,7 +35,8 @@ class StageTime:
 class RunMetrics:
     """Figures of a run; ``records`` counts every stamped record, ``scans`` those with a scan.
 
-    ``wheels`` are the systematic errors of the wheels, None where no scan is compared with them.
+    ``wheels`` are the systematic errors of the wheels, None where no scan is compared with them; ``noise`` is what the
+    scans show of the noise of their scanner, None without scans.
     """
 
     scans: int
@@ -50,6 +52,7 @@ class RunMetrics:
     observations: ObservationCounts
     landmark_life: LandmarkCounts
     closures: LoopCounts
+    noise: NoiseSummary | None
     nis: NisSummary | None
     trust: Trust
     stages: dict[str, StageTime]

@@ -6,7 +6,7 @@ from numpy.typing import NDArray
 from features.se2 import Array, compose_each, wrap_angle
 
 
-def carry_corrections(poses_odom: Array, nodes: NDArray[np.int64], poses_node: Array) -> Array:
+def carry_corrections(poses_odom: Array, nodes: NDArray[np.int64], poses_node: Array, stamps: Array) -> Array:
     """Poses of all records, given the corrected poses of some.
 
     Between two nodes a record is carried forward from the earlier and backward from the later one by odometry, and
@@ -18,14 +18,15 @@ def carry_corrections(poses_odom: Array, nodes: NDArray[np.int64], poses_node: A
     poses_odom : odometry of every record, shape (n, 3).
     nodes : record indices of the corrected poses, rising, shape (a,), a >= 1.
     poses_node : corrected poses, world frame, shape (a, 3).
+    stamps : of the records, never decreasing, shape (n,) [s].
 
     Returns
     -------
     shape (n, 3), world frame.
     """
     steps = np.diff(poses_odom, axis=0)
-    # A radian of turn weighs as much as a metre; standing still the correction moves on with the record number.
-    motion = np.hypot(steps[:, 0], steps[:, 1]) + np.abs(wrap_angle(steps[:, 2])) + 1e-9
+    # A radian of turn weighs as much as a metre; standing still the correction moves on with the time.
+    motion = np.hypot(steps[:, 0], steps[:, 1]) + np.abs(wrap_angle(steps[:, 2])) + 1e-9 * np.diff(stamps)
     behind = np.concatenate([[0.0], np.cumsum(motion)])
     records = np.arange(len(poses_odom))
     earlier = np.clip(np.searchsorted(nodes, records, side="right") - 1, 0, len(nodes) - 1)

@@ -70,6 +70,7 @@ class TrustMonitor:
         self._rejected: deque[bool] = deque(maxlen=rules.judged)
         self._directions = 0.0 + 0.0j
         self._travel = self._turn = 0.0
+        self._better = False
 
     @property
     def trust(self) -> Trust:
@@ -123,6 +124,19 @@ class TrustMonitor:
             if self._wheels:
                 self._judge_wheels(stamp, motion, by_wheels, rejected=rejected)
         self._points, self._pose_map, self._pose_odom = points, pose_map, pose_odom
+
+    def scattered(self, stamp: float, sigma: float, assumed: float) -> None:
+        """Judge a standard deviation of ranges that scans show against the one that is assumed [m]."""
+        seen = f"the ranges scatter by {1e3 * sigma:.3g} mm about the walls where {1e3 * assumed:.3g} mm is assumed"
+        if sigma > assumed:
+            self._add_reason(
+                "noise", stamp,
+                f"{seen}, so that covariances promise too much: look at the scanner, at sigma_range_mm and at "
+                'noise = "measured" in [sensor] of the configuration',
+            )  # fmt: skip
+        elif not self._better:
+            self._better = True
+            logger.warning('at %.3f s: %s: noise = "measured" in [sensor] would use it', stamp, seen)
 
     def _compare(self, stamp: float, points: Array, motion: Pose) -> None:
         """Add a reason if a scan hardly overlaps the scan before although the motion was small."""

@@ -206,3 +206,13 @@ def test_a_configuration_cannot_be_changed():
     config = SlamConfig.of_preset("sick-lms")
     with pytest.raises(ValidationError, match="frozen"):
         config.seed = 4  # type: ignore[misc]
+
+
+def test_the_noise_is_measured_unless_it_is_given(write):
+    assert SlamConfig.of_preset("rplidar-s1").sensor.noise == "measured"
+    assert load_config(write("[sensor]\nrange_max_m = 20.0")).sensor.noise == "measured"
+    assert load_config(write("[sensor]\nsigma_range_mm = 33.0")).sensor.noise == "given"
+    both = load_config(write('[sensor]\nsigma_range_mm = 33.0\nnoise = "measured"')).sensor
+    assert (both.noise, both.sigma_range_mm) == ("measured", 33.0)
+    with pytest.raises(ConfigError, match=r"sensor\.noise"):
+        load_config(write('[sensor]\nnoise = "guessed"'))

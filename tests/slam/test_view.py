@@ -73,7 +73,7 @@ def test_corners_of_a_view_and_what_is_kept_of_a_key_frame_lie_where_the_robot_s
     # Without noise a corner is off by what the split of its lines at a beam leaves: millimetres.
     assert nearest(found, ROOM.corners).max() < 5e-3
     key_frame = KeyFrame.of(7, view, sensor)
-    assert key_frame.record == 7
+    assert key_frame.scan == 7
     assert len(key_frame.points_robot) == len(scan)
     assert off_walls(transform(here, key_frame.points_robot), ROOM).max() < 1e-9
     assert key_frame.walls_robot.shape == (len(view.features.lines), 2, 2)
@@ -99,7 +99,7 @@ def test_of_landmarks_that_a_sensor_found_itself_a_key_frame_keeps_no_scan():
     view = view_of_observations(seen, sensor, use_identities=True)
     assert view.scan is None
     kept = KeyFrame.of(3, view, sensor)
-    assert (kept.record, kept.walls_robot.shape, kept.points_robot.shape) == (3, (0, 2, 2), (0, 2))
+    assert (kept.scan, kept.walls_robot.shape, kept.points_robot.shape) == (3, (0, 2, 2), (0, 2))
 
 
 def test_a_record_of_odometry_shows_nothing():
@@ -121,8 +121,8 @@ def test_the_motion_that_the_wheels_tell_is_undone_where_it_is_asked_for(mountin
     scan = exact(ROOM, mounting, times[:, None] * VELOCITY, times)
     for k in range(2):
         slam.process(Frame(0.1 * k, 0.1 * k * VELOCITY))
-    here = 0.2 * VELOCITY
-    step = slam.process(Frame(0.2, here, scan))
+    step = slam.process(Frame(0.2, 0.2 * VELOCITY, scan))
+    here = step.stamp * VELOCITY
     found = transform(here, step.features.corners.to_robot(mounting).positions)
     off = nearest(found, ROOM.corners).max()
     assert off < 5e-3 if deskew else off > 0.1
@@ -186,7 +186,7 @@ def last_corners(config, told):
         times = np.linspace(-0.1, 0.0, len(FULL_TURN), endpoint=False)
         scan = exact(ROOM, mounting, [at(end + time) for time in times], times)
         step = slam.process(Frame(end, told(at(end)), LaserScan(scan.ranges, scan.angles, end, times)))
-    return transform(at(ends[-1]), mounting.points_to_robot(step.features.corners.positions))
+    return transform(at(step.stamp), mounting.points_to_robot(step.features.corners.positions))
 
 
 @MOUNTINGS

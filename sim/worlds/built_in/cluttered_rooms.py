@@ -1,7 +1,7 @@
 """Cluttered rooms: furnished rooms like real ones, with small, thin and round structure."""
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 
 import numpy as np
 import shapely
@@ -16,7 +16,7 @@ _SIDES = (4.2, 12.0)
 """Shortest and longest side of a room without what opens off its walls [m]."""
 
 _FLAT = 0.8
-"""Shortest wall at which something stands or opens [m]."""
+"""Shortest wall at which something stands or opens [m]: longer than the facets of a round one."""
 
 _ASIDE = 0.25
 """Least length of wall beside what stands at it or opens off it [m]."""
@@ -40,13 +40,10 @@ _NECK = 0.1
 _KEPT = 0.35
 """Least share of that space of the empty room that furniture leaves."""
 
-_KIND = 0.7
-"""Probability that a room has pieces of a kind at all."""
+_MIDDLE = 50.0
+"""Area of a room of middle size [m^2]; the most that a room has of a kind grows in proportion."""
 
-_AREA_OF_PIECE = 4.0
-"""A room has about one piece, with its chairs, in the middle for each so much area [m^2]."""
-
-_TRIES = 8
+_TRIES = 20
 """Places that are tried for a piece before it is left out."""
 
 
@@ -64,14 +61,11 @@ def cluttered_room(seed: int) -> World:
     rng = np.random.default_rng(seed)
     shell = _shell(rng)
     least = _KEPT * shell.buffer(-_ROBOT).area
+    walls = _flat_walls(shell)
     room = shell
-    at_walls = _some(AT_WALLS, rng)
-    for start, end in _flat_walls(shell):
-        room = _furnish_wall(room, start, end, at_walls, least, rng)
-    in_rooms = _some(IN_ROOMS, rng)
-    for _ in range(math.ceil(shell.area / _AREA_OF_PIECE)):
-        kind = str(rng.choice(in_rooms))
-        piece = IN_ROOMS[kind](rng)
+    for _, piece in _pieces(AT_WALLS, shell.area, rng):
+        room = _furnish_wall(room, walls, piece, least, rng)
+    for kind, piece in _pieces(IN_ROOMS, shell.area, rng):
         for _ in range(_TRIES):
             centre, angle = rng.uniform(*np.reshape(shell.bounds, (2, 2))), rng.uniform(-math.pi, math.pi)
             furnished = _placed(room, piece.at(centre, angle), least)
@@ -82,11 +76,14 @@ def cluttered_room(seed: int) -> World:
     return floor_plan(f"cluttered-room-{seed}", [shapely.remove_repeated_points(room, 10.0 * MERGE)])
 
 
-def _some(kinds: Mapping[str, Draw], rng: np.random.Generator) -> list[str]:
-    """Draw the kinds that a room has, one at least."""
-    names = list(kinds)
-    chosen = [name for name in names if rng.random() < _KIND]
-    return chosen or [str(rng.choice(names))]
+def _pieces(
+    kinds: Mapping[str, tuple[Draw, float, int]], area: float, rng: np.random.Generator
+) -> Iterator[tuple[str, Piece]]:
+    """Draw the pieces of some kinds for a room of an area [m^2]."""
+    for kind, (draw, probability, most) in kinds.items():
+        if rng.random() < probability:
+            for _ in range(int(rng.integers(1, math.ceil(most * area / _MIDDLE), endpoint=True))):
+                yield kind, draw(rng)
 
 
 def _shell(rng: np.random.Generator) -> shapely.Polygon:
@@ -109,15 +106,15 @@ def _corner(rng: np.random.Generator, before: Array, corner: Array, after: Array
     back, on = (before - corner) / lengths[0], (after - corner) / lengths[1]
     most = 0.4 * min(lengths)
     kind = rng.random()
-    if kind < 0.15:
+    if kind < 0.1:
         a, b = rng.uniform(0.3, most, 2)
         return np.array([corner + a * back, corner + a * back + b * on, corner + b * on])
-    if kind < 0.35:
+    if kind < 0.22:
         a = rng.uniform(0.6, most)
         b = min(most, a * math.tan(math.radians(rng.uniform(30.0, 60.0))))
         return np.array([corner + a * back, corner + b * on])
     half = math.acos(float(back @ on)) / 2.0
-    if kind < 0.5 and most * math.tan(half) > 1.0:
+    if kind < 0.27 and most * math.tan(half) > 1.0:
         radius = rng.uniform(1.0, min(3.0, most * math.tan(half)))
         inwards = (back + on) / np.hypot(*(back + on))
         first = math.atan2(*(-inwards)[::-1]) - (math.pi / 2.0 - half)
@@ -134,27 +131,23 @@ def _flat_walls(shell: shapely.Polygon) -> list[tuple[Array, Array]]:
 
 
 def _furnish_wall(
-    room: shapely.Polygon, start: Array, end: Array, kinds: list[str], least: float, rng: np.random.Generator
+    room: shapely.Polygon, walls: list[tuple[Array, Array]], piece: Piece, least: float, rng: np.random.Generator
 ) -> shapely.Polygon:
-    """Draw what stands at a wall and opens off it, one after the other from its start."""
-    length = float(np.hypot(*(end - start)))
-    along = (end - start) / length
-    angle = math.atan2(-along[1], -along[0])  # x against the wall, so that y is out of the room
-    at = 0.0
-    while at < length:
-        at += rng.uniform(0.0, 1.2)
-        kind = str(rng.choice(kinds))
-        piece = AT_WALLS[kind](rng)
-        low, _, high, _ = shapely.union_all([piece.solid, piece.free]).bounds
-        origin = start + (at + _ASIDE + high) * along
-        beyond = piece.beyond(_BEYOND).at(origin, angle).free
-        at += _ASIDE
-        if at + high - low + _ASIDE > length or room.distance(beyond) < _BETWEEN:
+    """Put a piece at one of the walls, if it fits anywhere."""
+    low, _, high, _ = shapely.union_all([piece.solid, piece.free]).bounds
+    for _ in range(_TRIES):
+        start, end = walls[int(rng.integers(len(walls)))]
+        length = math.hypot(*(end - start))
+        along = (end - start) / length
+        if length < high - low + 2.0 * _ASIDE:
+            continue
+        origin = start + rng.uniform(_ASIDE + high, length - _ASIDE + low) * along
+        angle = math.atan2(-along[1], -along[0])  # x against the wall, so that y is out of the room
+        if room.distance(piece.beyond(_BEYOND).at(origin, angle).free) < _BETWEEN:
             continue
         furnished = _placed(room, piece.at(origin, angle), least)
         if furnished is not None:
-            room = furnished
-            at += high - low
+            return furnished
     return room
 
 
@@ -169,7 +162,7 @@ def _seat(
         aside = rng.uniform(-0.5, 0.5) * half[1 - side % 2]
         place = np.array([off, aside]) if side % 2 == 0 else np.array([aside, off])
         place = -place if side > 1 else place
-        chair = IN_ROOMS["chair"](rng).at(centre + rotation(angle) @ place, angle + rng.normal(0.0, 0.3))
+        chair = IN_ROOMS["chair"][0](rng).at(centre + rotation(angle) @ place, angle + rng.normal(0.0, 0.3))
         furnished = _placed(room, chair, least)
         room = room if furnished is None else furnished
     return room

@@ -72,13 +72,16 @@ def _disc(centre: Array, radius: float) -> shapely.Polygon:
 
 
 def _rectangle(centre: Array, length: float, width: float) -> shapely.Polygon:
-    half = np.array([length, width]) / 2.0
-    return shapely.box(*(centre - half), *(centre + half))
+    return shapely.Polygon(centre + np.array([length, width]) * [(-0.5, -0.5), (0.5, -0.5), (0.5, 0.5), (-0.5, 0.5)])
 
 
 def _moved(shape: BaseGeometry, origin: Array, angle: float) -> BaseGeometry:
-    turned = affinity.rotate(shape, angle, origin=(0.0, 0.0), use_radians=True)
-    return affinity.translate(turned, float(origin[0]), float(origin[1]))
+    c, s = math.cos(angle), math.sin(angle)
+
+    def move(points: Array) -> Array:
+        return points @ np.array([[c, s], [-s, c]]) + origin
+
+    return shapely.transform(shape, move)
 
 
 def _legs(rng: np.random.Generator, length: float, width: float, thickest: float) -> BaseGeometry:
@@ -169,19 +172,26 @@ def _bay(rng: np.random.Generator) -> Piece:
     return Piece(shapely.Polygon(), shapely.Polygon(np.vstack([bow, mouth])))
 
 
-AT_WALLS: Mapping[str, Draw] = MappingProxyType(
-    {"niche": _niche, "cupboard": _cupboard, "door": _door, "bay": _bay, "pillar": _pillar_at_wall}
-)
-"""What stands at walls or opens off them, by kind."""
-
-IN_ROOMS: Mapping[str, Draw] = MappingProxyType(
+AT_WALLS: Mapping[str, tuple[Draw, float, int]] = MappingProxyType(
     {
-        "table": _table,
-        "chair": _chair,
-        "column": _column,
-        "curved desk": _curved_desk,
-        "pillar": _pillar,
-        "box": _box,
+        "bay": (_bay, 0.25, 1),
+        "door": (_door, 0.5, 2),
+        "niche": (_niche, 0.5, 3),
+        "cupboard": (_cupboard, 0.6, 3),
+        "pillar": (_pillar_at_wall, 0.4, 2),
     }
 )
-"""What stands in the middle of a room, by kind."""
+"""What stands at walls or opens off them, by kind: the probability that a room has any, and how many of it a room of
+middle size has at most. Round ones are rarer than flat ones, as in buildings."""
+
+IN_ROOMS: Mapping[str, tuple[Draw, float, int]] = MappingProxyType(
+    {
+        "curved desk": (_curved_desk, 0.35, 1),
+        "column": (_column, 0.3, 2),
+        "box": (_box, 0.6, 2),
+        "table": (_table, 0.6, 2),
+        "chair": (_chair, 0.5, 3),
+        "pillar": (_pillar, 0.3, 2),
+    }
+)
+"""What stands in the middle of a room, by kind, with the same."""

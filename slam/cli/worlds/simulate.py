@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from slam.cli.options import EffectsOption, OdometryOption, People
+from slam.cli.options import EffectsOption, OdometryOption, People, SimulatedSensor, check_simulated
 
 
 def simulate(
@@ -17,7 +17,7 @@ def simulate(
         Path | None,
         typer.Option("--path", help="Waypoints: lines x,y or JSON; default: the world's path.", show_default=False),
     ] = None,
-    sensor: Annotated[str, typer.Option("--sensor", help="Sensor preset: rplidar-s1 or sick-lms.")] = "rplidar-s1",
+    sensor: SimulatedSensor = "rplidar-s1",
     effects: EffectsOption = "ideal",
     odometry: OdometryOption = "poor",
     people: People = 0,
@@ -30,17 +30,14 @@ def simulate(
     from sim.motion.odometry_presets import ODOMETRIES
     from sim.motion.waypoints import read_waypoints
     from sim.scenarios import site_run
-    from sim.sensing.effects import EFFECTS
+    from sim.sensing.effects import effects_of
     from sim.sensing.lidar import Lidar
     from sim.worlds.catalogue import find_site
-    from slam.errors import ConfigError
     from slam.run.interrupt import Interrupt
     from slam.run.progress_bar import ProgressBar
 
-    try:
-        lidar = Lidar.of_preset(sensor, effects=EFFECTS[effects])
-    except ValueError as error:
-        raise ConfigError(f"--sensor: {error}") from None
+    check_simulated(sensor)
+    lidar = Lidar.of_preset(sensor, effects=effects_of(effects, sensor))
     site = find_site(world_name)
     waypoints = None if path is None else read_waypoints(path)
     source = site_run(

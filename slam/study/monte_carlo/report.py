@@ -5,16 +5,14 @@ from pathlib import Path
 from distributed import Client
 
 from slam.errors import StudyError
-from slam.study.monte_carlo.bars import bars, bars_table
 from slam.study.monte_carlo.runs import (
     MonteCarloSettings,
-    consistency_table,
     monte_carlo_lines,
     monte_carlo_summary,
-    monte_carlo_table,
     nees_rows,
     run_rows,
     run_task,
+    summary_tables,
 )
 from slam.study.output import markdown_table, write_csv, write_json, write_picture, write_settings, write_text
 from slam.study.tasks.run import Failure, failure_message, run_tasks
@@ -50,7 +48,6 @@ def study_slam(client: Client, folder: Path, settings: MonteCarloSettings) -> tu
     write_json(folder / "summary.json", summary)
     write_picture(draw_monte_carlo, folder / "slam.png", summary, rows, traces)
     lines = monte_carlo_lines(summary)
-    cells = monte_carlo_table(summary), consistency_table(summary), bars_table(bars(summary))
-    tables = (markdown_table(of[0], of[1:]) for of in cells)
+    tables = (markdown_table(of[0], of[1:]) for of in summary_tables(summary))
     write_text(folder / "page.md", "\n\n".join([f"# {lines[0]}", *tables, "![Runs](slam.png)"]) + "\n")
     return lines, outcome.failures

@@ -2,6 +2,7 @@
 
 import hashlib
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -10,18 +11,26 @@ from pydantic import BaseModel, ConfigDict, Field
 
 from drivers.frame import SourceInfo
 from features.se2 import Array
-from sim import EFFECTS, ODOMETRIES, Lidar, SimulatedRun, Site, find_site, site_run
+from features.sensor import sensor_preset
+from sim import EFFECTS, ODOMETRIES, Lidar, SimulatedRun, Site, effects_of, find_site, site_run
 from slam.config import SlamConfig
 from slam.config_file import load_config
 from slam.errors import StudyError
 from slam.evaluation.metrics import mean_interval
 from slam.filter.ekf import POSE_DIM
 from slam.study.monte_carlo.bars import bars, bars_table
+from slam.study.monte_carlo.batch_means import batch_means, batch_means_table
 from slam.study.monte_carlo.simulated import INSTANTS, simulate
 from slam.study.tasks.run import Failure
 
 SENSOR = "rplidar-s1"
-"""Preset of the sensor that the robot of a study carries."""
+"""Preset of the sensor that the robot of a study carries by default."""
+
+EACH = "-*"
+"""A world whose name ends so is another one in each run, such as cluttered-room-*."""
+
+ROOMS_OF_STUDY = 10_000
+"""Rooms that are drawn for one study before those of the next seed begin."""
 
 FIGURES: Mapping[str, tuple[str, float, str, bool]] = {
     "ate_online_m": ("ATE, online", 1e3, "mm", True),
@@ -63,12 +72,21 @@ class MonteCarloSettings(BaseModel):
 
     model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
 
-    world: str = Field(description="what is driven through: built in, random-room-SEED, cluttered-room-SEED, or a file")
+    world: str = Field(
+        description="what is driven through: built in, random-room-SEED, cluttered-room-SEED, or a file; with * in "
+        "place of SEED another room in each run"
+    )
     world_digest: str = Field(
-        default_factory=lambda given: site_digest(find_site(given["world"])),
+        default_factory=lambda given: site_digest(find_site(_name(given["world"], 0))),
         description="of its walls and path, as a file may change from one run to the next",
     )
-    effects: str = Field(default="ideal", description=f"what the scanner does beside: {', '.join(EFFECTS)}")
+    sensor: str = Field(default=SENSOR, description="preset of the scanner")
+    sigma_range_mm: float = Field(
+        default_factory=lambda given: round(sensor_preset(given["sensor"]).sigma_range * 1e3, 6),
+        gt=0.0,
+        description="true standard deviation of a range, whatever the configuration takes it for [mm]",
+    )
+    effects: str = Field(default="ideal", description=f"what the scanner does beside: on, off, {', '.join(EFFECTS)}")
     odometry: str = Field(default="poor", description=f"errors of the wheels: {', '.join(ODOMETRIES)}")
     people: int = Field(default=0, ge=0, description="who go to and fro beside the path")
     seeds: int = Field(ge=1, description="runs, each with a seed of its own")
@@ -77,7 +95,7 @@ class MonteCarloSettings(BaseModel):
     config: SlamConfig = Field(description="of every run")
 
 
-def study_config(path: Path | None = None) -> SlamConfig:
+def study_config(path: Path | None = None, sensor: str = SENSOR) -> SlamConfig:
     """Put a configuration together: that of the sensor that the robot of a study carries, over it a TOML file.
 
     Raises
@@ -85,11 +103,11 @@ def study_config(path: Path | None = None) -> SlamConfig:
     ConfigError
         See :func:`slam.config_file.load_config`.
     """
-    return load_config(path, source=SourceInfo("simulated", SENSOR))
+    return load_config(path, source=SourceInfo("simulated", sensor))
 
 
-def simulated_run(settings: MonteCarloSettings, seed: int) -> SimulatedRun:
-    """Make the run of a seed.
+def simulated_run(settings: MonteCarloSettings, seed: int, run: int = 0) -> SimulatedRun:
+    """Make the run of a seed; where the world is another one in each run, through the room of this run.
 
     Raises
     ------
@@ -98,17 +116,24 @@ def simulated_run(settings: MonteCarloSettings, seed: int) -> SimulatedRun:
     StudyError
         The world is not the one that the study was begun with.
     """
-    site = find_site(settings.world)
-    if site_digest(site) != settings.world_digest:
+    site = find_site(_name(settings.world, ROOMS_OF_STUDY * settings.seed + run))
+    if not settings.world.endswith(EACH) and site_digest(site) != settings.world_digest:
         raise StudyError(f"world {settings.world!r} is not the one that the study was begun with")
-    lidar = Lidar.of_preset(SENSOR, effects=EFFECTS[settings.effects])
-    return site_run(site, lidar, SENSOR, seed, odometry=ODOMETRIES[settings.odometry], people=settings.people)
+    lidar = Lidar.of_preset(settings.sensor, effects=effects_of(settings.effects, settings.sensor))
+    lidar = replace(lidar, sigma_range=settings.sigma_range_mm * 1e-3)
+    return site_run(site, lidar, settings.sensor, seed, odometry=ODOMETRIES[settings.odometry], people=settings.people)
+
+
+def _name(world: str, number: int) -> str:
+    """Name of a world, of those that are another one in each run the one of a number."""
+    return f"{world.removesuffix('*')}{number}" if world.endswith(EACH) else world
 
 
 def run_task(settings: MonteCarloSettings, task: int, seed: int) -> dict[str, Any]:
     """Do one run; see :func:`slam.study.monte_carlo.simulated.simulate`."""
-    result = simulate(simulated_run(settings, seed), settings.config, settings.scans)
-    return result | {"row": {"run": task, "seed": seed} | result["row"]}
+    source = simulated_run(settings, seed, task)
+    result = simulate(source, settings.config, settings.scans)
+    return result | {"row": {"run": task, "seed": seed, "world": source.name} | result["row"]}
 
 
 def run_rows(results: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
@@ -159,7 +184,8 @@ def monte_carlo_summary(
     share of the instants whose mean it holds. What a run has of it depends on each other, so for the mean over that too
     the interval is wide rather than narrow. NIS: mean per degree of freedom; innovations are independent, so the
     interval is that of all of them. Anything else: mean, the value that 95 % of the runs do not exceed (or do not fall
-    short of, where more is better), and the worst.
+    short of, where more is better), and the worst. ``batch_means``: see
+    :func:`slam.study.monte_carlo.batch_means.batch_means`.
     """
     rows = [result["row"] for result in results]
     nis, dof = (sum(row[name] for row in rows) for name in ("nis", "nis_dof"))
@@ -168,6 +194,10 @@ def monte_carlo_summary(
         "runs": len(rows),
         "failures": [{"run": of.task, "seed": of.seed, "error": of.error} for of in failures],
         "graph_not_converged": sum(not row["graph_converged"] for row in rows),
+        "sensor": settings.sensor,
+        "effects": settings.effects,
+        "odometry": settings.odometry,
+        "batch_means": batch_means(results),
         "nees": _pose_nees(results) | _run_nees(rows),
         "nis": {"dof": dof, "mean": nis / dof, "expected": 1, "interval_95": [x / dof for x in mean_interval(dof, 1)]}
         if dof
@@ -236,9 +266,18 @@ def consistency_table(summary: Mapping[str, Any]) -> list[list[str]]:
     return cells
 
 
+def summary_tables(summary: Mapping[str, Any]) -> tuple[list[list[str]], ...]:
+    """Cells of all tables of the summary, each with its heading first."""
+    means = batch_means_table(summary["batch_means"])
+    return monte_carlo_table(summary), consistency_table(summary), means, bars_table(bars(summary))
+
+
 def monte_carlo_lines(summary: Mapping[str, Any]) -> list[str]:
     """Lay the summary out for a terminal."""
-    lines = [f"{summary['runs']} runs through {summary['world']}, {len(summary['failures'])} failed"]
-    for cells in (monte_carlo_table(summary), consistency_table(summary), bars_table(bars(summary))):
+    lines = [
+        f"{summary['runs']} runs through {summary['world']}, {len(summary['failures'])} failed; "
+        f"{summary['sensor']}, effects {summary['effects']}, odometry {summary['odometry']}"
+    ]
+    for cells in summary_tables(summary):
         lines += [f"{row[0]:<30}" + "".join(f"{cell:>18}" for cell in row[1:]) for row in cells]
     return lines

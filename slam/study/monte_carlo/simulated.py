@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from features.se2 import Array, Pose, between, transform, wrap_angle
-from sim import SimulatedRun
+from sim import Measurement, SimulatedRun
 from slam.config import SlamConfig
 from slam.errors import DivergedError
 from slam.evaluation.evaluate import evaluate_simulated
@@ -15,6 +15,8 @@ from slam.filter.landmark_table import MERGED, REMOVED
 from slam.map.landmark_map import LandmarkMap
 from slam.pipeline import Slam
 from slam.result.trajectory import Trajectory
+from slam.step import Step
+from slam.study.monte_carlo.batch_means import landmark_figures
 from slam.study.monte_carlo.truth import AssociationScore, ClosureScore, true_corners
 
 INSTANTS = 20
@@ -41,35 +43,43 @@ def simulate(source: SimulatedRun, config: SlamConfig, scans: int = 0) -> dict[s
         The filter diverged.
     """
     slam = Slam(config)
+    steps: list[Step] = []
+    measurements: list[Measurement | None] = []
+    for frame, measurement in source.measured_frames():
+        measurements.append(measurement)
+        step = slam.process(frame)
+        # With the noise of the sensor all before may have been done anew.
+        steps[: len(step.before)] = step.before
+        steps.append(step)
+        if slam.scans == scans > 0:
+            break
+    records = len(steps)
+    result = slam.finish()
     score, nis, nis_dof = AssociationScore(), 0.0, 0
     updates: list[int] = []
     errors: list[Pose] = []
     covs: list[Array] = []
-    records = 0
-    measured = zip(source.measured_frames(), source.poses_world_robot, strict=True)
-    for records, ((frame, measurement), truth) in enumerate(measured, start=1):
-        step = slam.process(frame)
-        if step.association is not None and step.features is not None and measurement is not None:
-            corners = step.features.corners.to_robot(source.mounting).positions
-            seen_world = transform(truth, corners)
-            labels = true_corners(source.world, measurement, step.features, seen_world)
-            score.count(step.association, labels)
-            if matches := len(step.association.corners):
-                nis += step.association.nis
-                nis_dof += 2 * matches
-            error: Array = slam.filter.pose - truth
-            updates.append(records - 1)
-            errors.append(np.array([error[0], error[1], wrap_angle(float(error[2]))]))
-            covs.append(slam.filter.pose_cov)
-        if slam.scans == scans > 0:
-            break
-    result = slam.finish()
+    for record, (step, measurement) in enumerate(zip(steps, measurements, strict=True)):
+        if step.association is None or step.features is None or step.cov is None or measurement is None:
+            continue
+        # The pose of a scan is that in the middle of its sweep.
+        truth = source.trajectory.at(np.array([step.stamp]))[0]
+        corners = step.features.corners.to_robot(source.mounting).positions
+        labels = true_corners(source.world, measurement, step.features, transform(truth, corners))
+        score.count(step.association, labels)
+        if matches := len(step.association.corners):
+            nis += step.association.nis
+            nis_dof += 2 * matches
+        error: Array = step.pose_world_robot - truth
+        updates.append(record)
+        errors.append(np.array([error[0], error[1], wrap_angle(float(error[2]))]))
+        covs.append(step.cov)
     report = evaluate_simulated(source, result)
     instants = np.arange(1, INSTANTS + 1) * (records - 1) / INSTANTS
     latest = np.searchsorted(updates, instants, side="right") - 1
     landmarks = score.corners()[result.landmarks.ids]
     genuine = landmarks[landmarks >= 0]
-    key_poses = source.poses_world_robot[slam.key_frame_records]
+    key_poses = source.trajectory.at(slam.key_frame_stamps)
     closures = ClosureScore.of(slam.closures, slam.solution.estimate.revoked, key_poses)
     lives = slam.landmark_table.key_frames
     row = {
@@ -98,9 +108,9 @@ def simulate(source: SimulatedRun, config: SlamConfig, scans: int = 0) -> dict[s
         "graph_converged": result.metrics.graph_converged,
     }
     return {
-        "row": row,
+        "row": row | landmark_figures(source.world, result.landmarks),
         "nees_ekf": nees(np.array(errors)[latest], np.array(covs)[latest]).tolist(),
-        "nees_graph": _graph_nees(slam, source.poses_world_robot, instants),
+        "nees_graph": _graph_nees(slam, key_poses, instants),
     }
 
 
@@ -113,14 +123,13 @@ def _landmark_nees(source: SimulatedRun, landmarks: LandmarkMap, corners: NDArra
     return float(nees(errors, landmarks.covs[genuine]).mean())
 
 
-def _graph_nees(slam: Slam, poses_world_robot: Array, instants: Array) -> list[float] | None:
-    """NEES of the key frame at each instant or the last one before it."""
-    records = slam.key_frame_records
-    latest = np.searchsorted(records, instants, side="right") - 1
+def _graph_nees(slam: Slam, key_poses: Array, instants: Array) -> list[float] | None:
+    """NEES of the key frame at each instant or the last one before it, given the true pose of each key frame."""
+    latest = np.searchsorted(slam.key_frame_records, instants, side="right") - 1
     try:
         covs = slam.solution.pose_covs(latest)
     except DivergedError:
         return None
     estimates = slam.solution.estimate.poses_world_robot[latest]
-    errors = [between(pose, truth) for pose, truth in zip(estimates, poses_world_robot[records[latest]], strict=True)]
+    errors = [between(pose, truth) for pose, truth in zip(estimates, key_poses[latest], strict=True)]
     return nees(np.array(errors), covs).tolist()

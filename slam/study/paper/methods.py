@@ -28,5 +28,8 @@ METHODS = (
     Method("total-least-squares", "total least squares", "total-least-squares"),
 )
 
+PAPER_AND_DEFAULT = tuple(method for method in METHODS if method.key in {"cwlf-paper", "effective-variance"})
+"""The methods of studies of many different rooms."""
+
 GATE_99 = 9.210340371976184
 """99 % of chi-square with 2 degrees of freedom: a corner outside of it errs more than it should in one of 100."""

@@ -35,9 +35,9 @@ def study_corners(client: Client, folder: Path, settings: CornerSettings) -> lis
     from slam.pictures.paper_studies import draw_corners
 
     outcome = run_tasks(client, folder, "corners", settings, scan_task, task_count(settings))
-    seen, found = collect_results(settings, all_results(folder, outcome))
+    seen, found, clear_found = collect_results(settings, all_results(folder, outcome))
     rows = corner_rows(seen, found)
-    summary = summarise(settings, seen, found, rows)
+    summary = summarise(settings, seen, found, clear_found, rows)
     write_settings(folder, "corners", settings, {"extraction": METHODS[2].extraction})
     write_csv(folder / "corners.csv", rows)
     write_json(folder / "summary.json", summary)

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 import shapely
 
-from features.sensor import Mounting, sensor_preset
-from sim import Lidar, World, room
+from features.sensor import SENSOR_PRESETS, Mounting, sensor_preset
+from sim import Lidar, World, effects_of, room
 
 WALL = World("wall", np.array([[4.0, -500.0, 4.0, 500.0]]))
 HERE = np.zeros(3)
@@ -37,13 +37,37 @@ def lidar(angles, sigma_range=0.0, sigma_bearing=0.0, range_min=0.0, range_max=1
     )
 
 
-@pytest.mark.parametrize(("preset", "beams", "rate"), [("rplidar-s1", 920, 10.0), ("sick-lms", 180, 5.0)])
+@pytest.mark.parametrize(
+    ("preset", "beams", "rate"),
+    [
+        ("rplidar-s1", 920, 10.0),
+        ("rplidar-a1", 800, 10.0),
+        ("rplidar-a2", 800, 10.0),
+        ("rplidar-a3", 1600, 10.0),
+        ("rplidar-s2", 3200, 10.0),
+        ("sick-lms", 180, 5.0),
+    ],
+)
 def test_preset_has_the_sensors_beams_noise_and_limits(preset, beams, rate):
     scanner, model = Lidar.of_preset(preset, mounting=MOUNTINGS[-1]), sensor_preset(preset)
     assert (scanner.angles.size, scanner.rate) == (beams, rate)
     for name in ("sigma_range", "sigma_bearing", "range_min", "range_max"):
         assert getattr(scanner, name) == getattr(model, name)
     assert scanner.mounting == MOUNTINGS[-1]
+
+
+def test_every_preset_but_that_of_the_camera_can_be_simulated_with_effects_of_its_own():
+    for preset in set(SENSOR_PRESETS) - {"mrclam-camera"}:
+        assert Lidar.of_preset(preset, effects=effects_of("on", preset)).effects.beam_width > 0.0
+    with pytest.raises(ValueError, match="'mrclam-camera' is no laser scanner"):
+        Lidar.of_preset("mrclam-camera")
+
+
+def test_spacing_of_beams_is_what_the_presets_take_for_the_noise_of_a_bearing():
+    """Uniform between neighbouring beams, within a twelfth: presets round the spacing."""
+    for preset in set(SENSOR_PRESETS) - {"mrclam-camera", "sick-lms"}:
+        spacing = np.diff(Lidar.of_preset(preset).angles)[0]
+        np.testing.assert_allclose(spacing / math.sqrt(12.0), sensor_preset(preset).sigma_bearing, rtol=1.0 / 12.0)
 
 
 def test_beams_of_the_presets_are_evenly_spaced():

@@ -163,3 +163,26 @@ def test_sensor_on_a_wall_sees_that_wall_and_no_length():
 def test_a_scan_needs_a_beam():
     with pytest.raises(ValueError, match="beams is 0"):
         visible_corners(room(), CENTRE, 1, 0.0, beams=0)
+
+
+def test_a_field_of_view_cuts_sections_and_does_not_wrap():
+    """From the centre of a square, half a turn forward shows one wall whole and two from their middles on."""
+    angles = np.radians(np.arange(-89.5, 90.0))
+    sections = visible_sections(World.from_polygons("square", [SQUARE]), CENTRE, angles)
+    assert sections.wall_ids.tolist() == [0, 1, 2]
+    assert sections.beam_counts.tolist() == [45, 90, 45]
+    np.testing.assert_allclose(sections.lengths, [2.0, 4.0, 2.0], atol=0.1)
+    corners = visible_corners(World.from_polygons("square", [SQUARE]), CENTRE, 15, 0.5, angles)
+    assert corners.tolist() == [1, 2]
+    assert len(visible_corners(World.from_polygons("square", [SQUARE]), CENTRE, 46, 0.5, angles)) == 0
+    nearly_all = visible_sections(World.from_polygons("square", [SQUARE]), CENTRE, np.radians(np.arange(-170.5, 171.0)))
+    assert nearly_all.wall_ids.tolist() == [3, 0, 1, 2, 3]
+    assert nearly_all.beam_counts.tolist() == [36, 90, 90, 90, 36]
+
+
+def test_beams_over_the_full_turn_are_the_same_by_number_and_by_direction():
+    world, angles = room(), -np.pi + 2.0 * np.pi * np.arange(500) / 500
+    place = np.array([2.5, 2.0, 0.3])
+    np.testing.assert_array_equal(
+        visible_corners(world, place, 5, 0.2, angles), visible_corners(world, place, 5, 0.2, 500)
+    )

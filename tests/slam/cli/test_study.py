@@ -50,6 +50,14 @@ def test_an_environment_that_is_not_there_is_bad_usage(cwlf: Call) -> None:
     assert cwlf("study", "corners")[0] == 2
 
 
+@pytest.mark.parametrize(("study", "sensor"), [("corners --environment cluttered", "moon"), ("slam", "mrclam-camera")])
+def test_a_sensor_that_is_no_laser_scanner_is_one_line(cwlf: Call, study: str, sensor: str) -> None:
+    code, _, err = cwlf("study", *study.split(), "--sensor", sensor)
+    assert code == 1
+    assert err.startswith("cwlf-slam: --sensor: ")
+    assert len(err.splitlines()) == 1
+
+
 def test_a_scheduler_has_its_own_workers(cwlf: Call) -> None:
     code, _, err = cwlf("study", "consistency", "--scheduler", "tcp://127.0.0.1:9", "--workers", 2)
     assert code == 2

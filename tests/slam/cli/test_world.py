@@ -124,7 +124,7 @@ def test_a_recording_with_effects_and_people_holds_the_times_of_its_beams_and_ru
 
 def test_what_the_options_offer_is_what_there_is() -> None:
     """Spelled out in the command line, so that it need not import the simulator for its help."""
-    assert _choices(EffectsOption) == set(EFFECTS)
+    assert _choices(EffectsOption) == {"on", "off"} | set(EFFECTS)
     assert _choices(OdometryOption) == set(ODOMETRIES)
 
 

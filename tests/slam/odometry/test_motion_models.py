@@ -7,7 +7,7 @@ import pytest
 
 from features.se2 import between, pose
 from slam.odometry.cloned_pose import ClonedPose
-from slam.odometry.motion_models import ConstantVelocity, OdometryModel, WheelMotion
+from slam.odometry.motion_models import ConstantVelocity, OdometryModel, WheelMotion, taken_back
 
 MODEL = OdometryModel(position_per_travel=0.05, position_per_turn=0.03, heading_per_travel=0.02, heading_per_turn=0.05)
 
@@ -28,6 +28,69 @@ def test_wheels_tell_the_motion_between_records():
     motion, cov = wheels.step(0.1, second)
     np.testing.assert_allclose(motion, between(first, second))
     np.testing.assert_allclose(cov, MODEL.covariance(motion))
+
+
+def test_a_step_back_takes_back_what_was_appended():
+    """Pose, covariance and what a clone shares with them are those of the earlier time; one forwards is as ever."""
+    records = [(0.1, pose(1.0, 2.0, 3.0)), (0.2, pose(1.3, 1.8, -3.0)), (0.3, pose(1.5, 1.9, -2.7))]
+    straight, back = driven_by_wheels(records[:2]), driven_by_wheels([*records, records[1]])
+    for further in ([], [records[2]]):
+        one, other = (driven_on(of, further) for of in (straight, back))
+        np.testing.assert_allclose(one[0].pose, other[0].pose, atol=1e-12)
+        np.testing.assert_allclose(one[0].cov, other[0].cov, atol=1e-15)
+        np.testing.assert_allclose(one[2].motion_cov, other[2].motion_cov, atol=1e-15)
+
+
+def driven_by_wheels(records):
+    drifting, wheels = ClonedPose(pose()), WheelMotion(MODEL)
+    drifting.move(pose(0.3, 0.1, 0.4), 1e-4 * np.eye(3))
+    return driven_on((drifting, wheels, drifting.clone()), records)
+
+
+def driven_on(of, records):
+    drifting, wheels, _ = of
+    for record in records:
+        drifting.move(*wheels.step(*record))
+    return of
+
+
+def test_a_step_back_behind_the_last_scan_is_a_motion_with_errors_of_its_own():
+    wheels = WheelMotion(MODEL)
+    wheels.step(0.1, pose(1.0))
+    wheels.learn(0.1, since_scan(pose()))
+    motion, cov = wheels.step(0.08, pose(0.9))
+    np.testing.assert_allclose(motion, [-0.1, 0.0, 0.0], atol=1e-15)
+    np.testing.assert_allclose(cov, MODEL.covariance(motion))
+
+
+def test_what_is_taken_back_leaves_nothing():
+    rng = np.random.default_rng(0)
+    for _ in range(20):
+        root = rng.normal(size=(3, 3))
+        motion, cov = pose(*rng.normal(size=3)), root @ root.T
+        drifting = ClonedPose(pose(*rng.normal(size=3)))
+        drifting.move(pose(0.1, 0.2, 0.3), 0.01 * np.eye(3))
+        before, cov_before = drifting.pose.copy(), drifting.cov.copy()
+        drifting.move(motion, cov)
+        drifting.move(*taken_back(motion, cov))
+        np.testing.assert_allclose(drifting.pose, before, atol=1e-12)
+        np.testing.assert_allclose(drifting.cov, cov_before, atol=1e-12)
+
+
+@pytest.mark.parametrize("turn", [0.0, 0.3])
+def test_without_wheels_a_step_back_takes_back_too(turn):
+    source, other = constant_velocity(), constant_velocity()
+    for each in (source, other):
+        drive(each, [(0.0, pose()), (0.1, pose(0.05, 0.0, turn))])
+    drifting, straight = ClonedPose(pose()), ClonedPose(pose())
+    for stamp in (0.15, 0.2, 0.15):
+        drifting.move(*source.step(stamp, pose()))
+    straight.move(*other.step(0.15, pose()))
+    np.testing.assert_allclose(drifting.pose, straight.pose, atol=1e-12)
+    np.testing.assert_allclose(drifting.cov, straight.cov, atol=1e-12)
+    motion, cov = source.step(0.05, pose())
+    assert np.isfinite(motion).all()
+    assert np.isfinite(cov).all()
 
 
 def since_scan(motion):

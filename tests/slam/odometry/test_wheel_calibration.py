@@ -22,6 +22,13 @@ TELLING = np.diag([1e4, 1e4, 1e5])
 """Information of a scan that tells a pose to 1 cm and 0.2 deg."""
 
 
+def append(wheels, said, cov):
+    """Append a motion that wheels tell to a stretch, corrected."""
+    corrected = wheels.corrected(said)
+    wheels.move(corrected, cov)
+    return corrected
+
+
 def reported(motion, wrong=WRONG):
     """Motion that wheels report of a true one."""
     x, y, turn = motion
@@ -39,7 +46,7 @@ def drive(wheels, rng, steps=2000, information=TELLING, wrong=WRONG):
         truth = compose(truth, step)
         cov = MODEL.covariance(step)
         said = reported(step, wrong) + np.sqrt(np.diagonal(cov)) * rng.standard_normal(3)
-        drifting.move(wheels.correct(said, cov), cov)
+        drifting.move(append(wheels, said, cov), cov)
         axes, values, _ = np.linalg.svd(information)
         seen = truth + axes @ (np.where(values > 0.0, values, np.inf) ** -0.5 * rng.standard_normal(3))
         change = seen - drifting.pose
@@ -99,7 +106,7 @@ def test_wheels_that_slip_or_stand_still_teach_nothing():
     for said in (pose(), pose(0.2, 0.0, 0.0)):
         for _ in range(12):
             cov = MODEL.covariance(said)
-            wheels.correct(said, cov)
+            append(wheels, said, cov)
             drifting.move(pose(0.5, 0.0, 0.0), np.diag([1e-6, 1e-6, 1e-8]))
             if wheels.learn(since):
                 since.reset()
@@ -139,7 +146,7 @@ def test_a_turn_is_compared_across_the_cut_of_angles():
     wheels, drifting = WheelCalibration(), ClonedPose(pose())
     since = drifting.clone()
     cov = np.diag([1e-4, 1e-4, math.radians(10.0) ** 2])
-    wheels.correct(pose(0.0, 0.0, math.radians(185.0)), cov)
+    append(wheels, pose(0.0, 0.0, math.radians(185.0)), cov)
     drifting.move(pose(0.0, 0.0, math.radians(175.0)), np.diag([1e-6, 1e-6, 1e-8]))
     assert wheels.learn(since)
     # What has to be added is 10 deg a turn of 185, of which a single one of 10 deg of chance tells a part.

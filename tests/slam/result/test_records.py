@@ -17,18 +17,18 @@ def kept():
         odom = records.checked(Frame(10.0 + k, pose(1.0 * k, 0.0, 0.25 * k)))
         records.add(10.0 + k, odom, pose(0.0, 1.0 * k, 0.0))
         if k in (1, 4):
-            records.add_scan(pose(-1.0 * k, 0.0, 3.0))
+            records.add_scan(10.0 + k, odom, pose(0.0, 1.0 * k, 0.0), pose(-1.0 * k, 0.0, 3.0))
     return records
 
 
 def test_the_trajectories_are_what_was_told_at_its_stamps():
     records = kept()
-    assert (len(records), records.scans) == (5, 2)
+    assert (len(records), len(records.scans)) == (5, 2)
     stamps = 10.0 + np.arange(5)
     for trajectory in (records.wheels(), records.odometry()):
         np.testing.assert_array_equal(trajectory.stamps, stamps)
     np.testing.assert_array_equal(records.wheels().poses, [[k, 0.0, 0.25 * k] for k in range(5)])
-    np.testing.assert_array_equal(records.odometry().poses, [[0.0, k, 0.0] for k in range(5)])
+    np.testing.assert_allclose(records.odometry().poses[[1, 4]], [[0.0, 1.0, 0.0], [0.0, 4.0, 0.0]], atol=1e-12)
     online = records.online()
     np.testing.assert_array_equal(online.stamps, stamps[[1, 4]])
     np.testing.assert_array_equal(online.poses, [[-1.0, 0.0, 3.0], [-4.0, 0.0, 3.0]])
@@ -39,12 +39,46 @@ def test_records_of_one_stamp_are_told_apart_in_every_trajectory_alike():
     records = Records()
     for k in range(12):
         records.add(float(k // 3), pose(0.25 * k), pose(0.2 * k))
-        records.add_scan(pose(0.3 * k))
+        records.add_scan(float(k // 3), pose(0.25 * k), pose(0.2 * k), pose(0.3 * k))
     times = records.times()
     assert (np.diff(times) > 0.0).all()
     assert np.abs(times - np.arange(12) // 3).max() <= 0.5
     for trajectory in (records.wheels(), records.odometry(), records.online()):
         np.testing.assert_array_equal(trajectory.stamps, times)
+
+
+def driven(scan_stamp, *, has_odometry=True):
+    """Wheels that miss a quarter of the way, and two scans that tell it, each ``scan_stamp`` after its record."""
+    records = Records(has_odometry=has_odometry)
+    for k in range(9):
+        stamp, wheels = 0.1 * k, 0.75 * 0.1 * k
+        records.add(stamp, pose(wheels), pose(7.0))
+        if k % 4 == 0:
+            at = max(0.0, stamp + scan_stamp)
+            records.add_scan(at, pose(0.75 * at), pose(at, 0.02), pose(at, 0.02))
+    return records
+
+
+@pytest.mark.parametrize("scan_stamp", [-0.05, -0.02, 0.0, 0.03])
+@pytest.mark.parametrize("has_odometry", [True, False])
+def test_a_record_between_two_scans_is_carried_from_both(scan_stamp, has_odometry):
+    """A steady motion has no teeth: neither by odometry nor by the corrected poses, wherever a scan has its stamp."""
+    records = driven(scan_stamp, has_odometry=has_odometry)
+    stamps, last = 0.1 * np.arange(9), 0.8 + scan_stamp
+    inside = (stamps >= max(0.0, scan_stamp)) & (stamps <= last)
+    poses = records.odometry().poses
+    np.testing.assert_allclose(
+        poses[inside], np.column_stack([stamps, np.full(9, 0.02), np.zeros(9)])[inside], atol=1e-9
+    )
+    at = np.array([scan.stamp for scan in records.scans])
+    corrected = records.corrected(np.array([0, 2]), np.column_stack([2.0 * at[[0, 2]], np.zeros((2, 2))])).poses
+    np.testing.assert_allclose(corrected[inside], np.column_stack([2.0 * stamps, np.zeros((9, 2))])[inside], atol=1e-9)
+
+
+def test_a_scan_without_times_and_its_record_are_at_one_place():
+    records = driven(0.0)
+    for scan, place in zip(records.scans, records.odometry().poses[::4], strict=True):
+        np.testing.assert_allclose(place, scan.pose_map, atol=1e-12)
 
 
 @pytest.mark.parametrize(
