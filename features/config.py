@@ -3,7 +3,7 @@
 import math
 import warnings
 from functools import cached_property
-from typing import Any, Literal, NamedTuple
+from typing import Any, Literal, NamedTuple, cast
 
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, model_validator
@@ -90,8 +90,8 @@ class ExtractionConfig(BaseModel):
                 DeprecationWarning,
                 stacklevel=2,
             )
-            return {name: value for name, value in values.items() if name != REMOVED}
-        return values
+            return {name: value for name, value in cast("dict[str, Any]", values).items() if name != REMOVED}
+        return cast("Any", values)
 
     @model_validator(mode="after")
     def _consistent(self) -> "ExtractionConfig":

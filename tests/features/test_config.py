@@ -33,7 +33,15 @@ def test_corner_angles_must_be_in_order():
         ("min_length_sigmas", 0.0),
         ("corner_angle_min_deg", 0.0),
         ("corner_angle_max_deg", 180.0),
-        ("corner_gap_mm", 0.0),
+        ("straight_level", 0.0),
+        ("straight_level", 1.0),
+        ("bend_sigmas", -0.1),
+        ("near_sigmas", 0.0),
+        ("end_sigmas", -0.1),
+        ("corner_level", 0.0),
+        ("corner_level", 1.0),
+        ("unseen_end", -0.1),
+        ("unseen_end", 1.0),
     ],
 )
 def test_a_value_without_meaning_is_refused_by_key(key, value):
@@ -51,3 +59,8 @@ def test_the_papers_covariance_belongs_to_its_fit_alone(fit):
 def test_rules_cannot_be_changed_afterwards():
     with pytest.raises(ValidationError, match="frozen"):
         ExtractionConfig().min_points = 3
+
+
+def test_a_rule_that_is_gone_is_dropped_with_a_warning():
+    with pytest.warns(DeprecationWarning, match="corner_gap_mm is not used any more"):
+        assert ExtractionConfig(**{"corner_gap_mm": 100.0}) == ExtractionConfig()
