@@ -168,7 +168,7 @@ class Slam:
             self._started = Estimators.start(self.config, self._rules, pose_odom_robot, self._associator)
         odometry = self._started.odometry
         odometry.predict(stamp, pose_odom_robot)
-        self._records.add(stamp, pose_odom_robot, odometry.pose)
+        self._records.add(stamp, odometry.pose_odom, odometry.pose)
 
     def _extract(self, frame: Frame) -> View | None:
         """Return what a frame shows; None for a record of odometry only."""
@@ -212,6 +212,8 @@ class Slam:
                 self._monitor.registered(
                     stamp, points.points, odometry.pose, records.poses_odom[-1], odometry.share, rejected=rejected
                 )
+            if odometry.jumped:
+                self._monitor.jumped(stamp, odometry.share)
             self._monitor.drove(stamp, estimators.since_scan.motion, seen=len(lines) > 0)
             estimators.since_scan.reset()
 

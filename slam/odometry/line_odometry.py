@@ -1,5 +1,7 @@
 """Line-aided odometry: each scan is registered to the walls of the recent key frames."""
 
+import math
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -9,7 +11,7 @@ from features.scan import LaserScan
 from features.se2 import Array, Pose, between, compose, inverse, wrap_angle
 from features.sensor import SensorModel
 from slam.errors import DivergedError
-from slam.odometry.beams import beams_through_walls
+from slam.odometry.beams import BEFORE, ON, beams_through_walls, judge_beams
 from slam.odometry.cloned_pose import ClonedPose, PoseClone
 from slam.odometry.line_map import LineMap, walls_of_lines
 from slam.odometry.motion_models import ConstantVelocity, WheelMotion
@@ -28,12 +30,14 @@ class RegistrationCounts:
     registered, failed : scans that fitted, and those that did not, where the prediction stands.
     second_attempts : scans that did not fit at once.
     predictions_rejected : scans that fitted where the prediction, so the wheels, did not allow it.
+    odometry_jumps : records whose step no robot can make, so that they were left out.
     """
 
     registered: int = 0
     failed: int = 0
     second_attempts: int = 0
     predictions_rejected: int = 0
+    odometry_jumps: int = 0
 
 
 class LineOdometry:
@@ -51,6 +55,7 @@ class LineOdometry:
     Attributes
     ----------
     counts : what became of the scans.
+    jumped : whether a jump of the wheels was left out between the latest scan and the one before.
     """
 
     def __init__(
@@ -65,7 +70,7 @@ class LineOdometry:
         self._rules = rules
         # For a fit beside the prediction.
         self._near_rules = replace(rules.registration, gate=rules.registration.final_gate)
-        self._prediction_gate = rules.prediction_gate
+        self._prediction_gate, self._beams_gate = rules.prediction_gate, rules.beams_gate
         self._unknown_cov, self._still_variances = rules.unknown_cov, rules.still_variances
         self._drifting = ClonedPose(pose_map_robot)
         self.counts = RegistrationCounts()
@@ -78,11 +83,21 @@ class LineOdometry:
         self._since_learned = self._drifting.clone()
         self._scan: ScanPoints | None = None
         self._fit: Registration | None = None
+        self._scan_stamp = 0.0
+        self._velocity: Array = np.zeros(3)
+        self._jumps = 0
+        self.jumped = False
+        self._pose_odom = self._pose_odom_scan = pose_map_robot
 
     @property
     def pose(self) -> Pose:
         """Pose of the robot, map frame, shape (3,)."""
         return self._drifting.pose
+
+    @property
+    def pose_odom(self) -> Pose:
+        """Latest pose of the wheels without the jumps that were left out, odom frame, shape (3,)."""
+        return self._motion.pose_odom
 
     @property
     def scan(self) -> ScanPoints | None:
@@ -112,11 +127,15 @@ class LineOdometry:
             The pose or its covariance is no longer finite.
         """
         self._drifting.move(*self._motion.step(stamp, pose_odom_robot))
+        self._pose_odom = pose_odom_robot
+        self.counts.odometry_jumps = len(self._motion.jumps)
         if not self._drifting.finite:
             raise DivergedError("the pose or its covariance is no longer finite: look at the odometry")
 
     def set_scan(self, scan: LaserScan, lines: Lines) -> ScanPoints:
         """Remember the points of a scan and its lines, sensor frame, without a correction."""
+        jumps = self.counts.odometry_jumps
+        self.jumped, self._jumps = jumps > self._jumps, jumps
         walls_robot = walls_of_lines(lines, self._sensor.mounting)
         self._scan = scan_points(scan, walls_robot, self._sensor, self._line_distance, self._rules.surfaces)
         return self._scan
@@ -124,12 +143,16 @@ class LineOdometry:
     def register(self, stamp: float, scan: LaserScan, lines: Lines) -> ScanPoints:
         """Correct the pose by a scan and its lines, sensor frame; where it fits nowhere the prediction stands."""
         points = self.set_scan(scan, lines)
-        self._fit = self._match(points) if len(self._map.walls) else None
+        elapsed = stamp - self._scan_stamp
+        self._fit = self._match(points, elapsed) if len(self._map.walls) else None
         if self._fit is not None and not self._stationary:
             self._drifting.correct(self._fit.information, self._fit.pull)
             self._since_correction.reset()
         if self._motion.learn(stamp, self._since_learned):
             self._since_learned.reset()
+        if self._fit is not None and elapsed > 0.0:
+            self._velocity = self._since_scan.motion / elapsed
+        self._scan_stamp, self._pose_odom_scan = stamp, self._pose_odom
         self._since_scan.reset()
         return points
 
@@ -147,10 +170,15 @@ class LineOdometry:
             return
         self._map.add(self._scan.walls_robot, self._drifting.pose)
 
-    def _match(self, scan: ScanPoints) -> Registration | None:
+    def _match(self, scan: ScanPoints, elapsed: float) -> Registration | None:
         """Register a scan with the prediction as prior; if it does not fit, with a wide prior."""
         drifting, rules = self._drifting, self._rules
         fit = register(scan, self._map.walls, drifting.pose, drifting.cov, drifting.pose, rules.registration)
+        other = self._match_otherwise(scan, fit, elapsed)
+        if other is not None:
+            self.counts.predictions_rejected += 1
+            self.counts.registered += 1
+            return other
         beside = self._beside(scan, fit)
         if fit.share < rules.sure_share:
             self.counts.second_attempts += 1
@@ -176,6 +204,47 @@ class LineOdometry:
                 self.counts.predictions_rejected += 1
         self.counts.registered += 1
         return fit
+
+    def _match_otherwise(self, scan: ScanPoints, fit: Registration, elapsed: float) -> Registration | None:
+        """Return the registration by another hypothesis of what the wheels did, if the beams prefer it to ``fit``.
+
+        Walls along a jump of the wheels fit wherever it leads: the share of the points on walls does not tell. Beams do
+        that end on a wall at the one pose, and go through it or end before it at the other (eq. M91).
+        """
+        walls, rules = self._map.walls, self._rules
+        cov = self._drifting.cov + self._unknown_cov
+        best, origin_of_best = fit, self._drifting.pose
+        for origin in self._hypotheses(elapsed):
+            other = register(scan, walls, origin, cov, origin, rules.registration)
+            if _distance2(other, origin) <= self._prediction_gate and self._beams_prefer(scan, other, best):
+                best, origin_of_best = other, origin
+        if best is fit:
+            return None
+        self._drifting.move(between(self._drifting.pose, origin_of_best), self._unknown_cov)
+        return best
+
+    def _hypotheses(self, elapsed: float) -> Iterator[Pose]:
+        """Poses where the robot is if it went on as before, and if what was left out as a jump was driven."""
+        rules, drifting = self._rules, self._drifting
+        last = compose(drifting.pose, inverse(self._since_scan.motion))
+        steady = compose(last, self._velocity * elapsed)
+        x, y, turn = between(steady, drifting.pose).tolist()
+        if math.hypot(x, y) > rules.surprise_position or abs(turn) > rules.surprise_heading:
+            yield steady
+        if self.jumped:
+            yield compose(last, between(self._pose_odom_scan, self._pose_odom))
+
+    def _beams_prefer(self, scan: ScanPoints, other: Registration, fit: Registration) -> bool:
+        """Whether the beams that end on a wall at one of two poses only are for ``other``, by more than chance."""
+        walls, rules = self._map.walls, self._rules
+        if other.share <= fit.share:
+            return False
+        if fit.share < rules.least_share:
+            return other.share >= rules.sure_share
+        here, there = (judge_beams(scan, walls, each.pose_map_robot, rules.beams) for each in (fit, other))
+        gained = int(((there == ON) & (here >= BEFORE)).sum())
+        lost = int(((here == ON) & (there >= BEFORE)).sum())
+        return gained > lost and (gained - lost) ** 2 > self._beams_gate * (gained + lost)
 
     def _beside(self, scan: ScanPoints, fit: Registration) -> Registration | None:
         """Registration inside the gate of the prediction: ``fit``, else one with a narrow gate; None if neither is."""

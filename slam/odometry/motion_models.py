@@ -1,14 +1,18 @@
 """Motion models: the motion predicted before a scan is registered, and its covariance."""
 
+import logging
 import math
+from collections import deque
 from dataclasses import dataclass
 
 import numpy as np
 
-from features.se2 import Array, Pose, between, pose, wrap_angle
+from features.se2 import Array, Pose, between, compose, inverse, pose, wrap_angle
 from slam.odometry.cloned_pose import PoseClone
 from slam.odometry.rules import CalibrationRules, VelocityRules
 from slam.odometry.wheel_calibration import Calibration, WheelCalibration
+
+logger = logging.getLogger(__name__)
 
 
 @dataclass(frozen=True, slots=True)
@@ -37,30 +41,128 @@ class OdometryModel:
         return np.array([[position, 0.0, 0.0], [0.0, position, 0.0], [0.0, 0.0, heading]])
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class Jump:
+    """A step of the wheels that no robot can make, and what is expected of the motion in its place.
+
+    Parameters
+    ----------
+    stamp : of the record [s].
+    step : motion that the wheels report, shape (3,) [m, m, rad].
+    elapsed : time since the record before [s].
+    """
+
+    stamp: float
+    step: Pose
+    elapsed: float
+
+
+class WheelSpeeds:
+    """Speeds that the wheels have shown, to tell a jump of their odometry from a motion (eq. M90).
+
+    Parameters
+    ----------
+    speed, turn_rate : sigma of the velocity of a robot of which nothing is known [m/s], [rad/s].
+    rules : how much faster than that, or than it ever was, no robot is.
+    """
+
+    def __init__(
+        self,
+        speed: float,
+        turn_rate: float,
+        rules: VelocityRules = VelocityRules(),  # noqa: B008, frozen
+    ) -> None:
+        self._rules = rules
+        self._sigma = np.array([speed, speed, turn_rate])
+        self._stamp: float | None = None
+        self._interval = MeanInterval(rules)
+        self._latest: deque[Array] = deque([np.zeros(3)] * (rules.sustained - 1), rules.sustained)
+        self._fastest: Array = np.zeros(2)
+        self._velocity: Array = np.zeros(3)
+
+    def jump(self, stamp: float, step: Pose) -> Jump | None:
+        """Return the jump that a step since the record before is, shape (3,); None for a motion."""
+        if self._stamp is None:
+            self._stamp = stamp
+            return None
+        elapsed = stamp - self._stamp
+        self._stamp = stamp
+        self._interval.add(elapsed)
+        # Where stamps come in bursts, the step between two of them took as long as any other, or longer by their error.
+        interval = self._interval
+        longer = max(elapsed, interval.mean) + self._rules.fastest * math.sqrt(interval.variance)
+        if longer <= 0.0:
+            return None
+        velocity = step / longer
+        limits = self._rules.fastest * np.maximum(self._sigma[1:], self._fastest)
+        self._latest.append(velocity)
+        self._fastest = np.maximum(self._fastest, _speeds(np.median(self._latest, axis=0)))
+        if interval.known and (_speeds(velocity) > limits).any():
+            return Jump(stamp, step, longer)
+        self._velocity = velocity
+        return None
+
+    def expected(self, elapsed: float) -> tuple[Pose, Array]:
+        """Motion at the latest velocity and its covariance, shapes (3,) and (3, 3), where the wheels tell nothing."""
+        return self._velocity * elapsed, np.diag(self._sigma * elapsed) ** 2
+
+
+def _speeds(velocity: Array) -> Array:
+    """Speed and turn rate of a velocity, shape (2,) [m/s], [rad/s]."""
+    return np.array([math.hypot(velocity[0], velocity[1]), abs(velocity[2])])
+
+
 class WheelMotion:
     """Motion by the wheels, corrected by the calibration of their systematic errors.
+
+    A jump of their odometry is left out: in its place the robot goes on as it did.
 
     Parameters
     ----------
     model : of their errors.
+    speeds : tells a jump from a motion.
     rules : how their systematic errors are learned.
+
+    Attributes
+    ----------
+    jumps : those that were left out so far.
+    pose_odom : latest pose of the wheels without the jumps, odom frame, shape (3,).
     """
 
     def __init__(
         self,
         model: OdometryModel,
+        speeds: WheelSpeeds,
         rules: CalibrationRules = CalibrationRules(),  # noqa: B008, frozen
     ) -> None:
         self._model = model
+        self._speeds = speeds
         self._calibration = WheelCalibration(rules)
-        self._pose_odom_robot: Pose | None = None
+        self._pose_log: Pose | None = None
+        self._pose_odom_log: Pose | None = None
+        self.jumps: list[Jump] = []
+        self.pose_odom: Pose = np.zeros(3)
 
     def step(self, stamp: float, pose_odom_robot: Pose) -> tuple[Pose, Array]:
         """Motion since the record before and its covariance, shapes (3,) and (3, 3)."""
-        before = pose_odom_robot if self._pose_odom_robot is None else self._pose_odom_robot
-        self._pose_odom_robot = pose_odom_robot
+        before = pose_odom_robot if self._pose_log is None else self._pose_log
+        self._pose_log = pose_odom_robot
         motion = between(before, pose_odom_robot)
-        cov = self._model.covariance(motion)
+        jump = self._speeds.jump(stamp, motion)
+        if jump is None:
+            cov = self._model.covariance(motion)
+            since = self._pose_odom_log
+            self.pose_odom = pose_odom_robot if since is None else compose(since, pose_odom_robot)
+        else:
+            self.jumps.append(jump)
+            motion, cov = self._speeds.expected(jump.elapsed)
+            self.pose_odom = compose(self.pose_odom, motion)
+            self._pose_odom_log = compose(self.pose_odom, inverse(pose_odom_robot))
+            x, y, turn = jump.step.tolist()
+            logger.warning(
+                "at %.3f s: the odometry jumped by %.2f m and %.0f deg in %.2f s: the robot is taken to have gone on",
+                stamp, math.hypot(x, y), math.degrees(turn), jump.elapsed,
+            )  # fmt: skip
         return self._calibration.correct(motion, cov), cov
 
     def learn(self, stamp: float, since: PoseClone) -> bool:
@@ -73,6 +175,37 @@ class WheelMotion:
         return self._calibration.calibration
 
 
+class MeanInterval:
+    """Mean interval between stamps, and its variance.
+
+    Parameters
+    ----------
+    rules : weight of the latest interval, and the longest one that counts.
+
+    Attributes
+    ----------
+    mean, variance : of the latest intervals [s], [s^2].
+    """
+
+    def __init__(self, rules: VelocityRules) -> None:
+        self._rules = rules
+        self._count = 0
+        self.mean = self.variance = 0.0
+
+    @property
+    def known(self) -> bool:
+        """Whether so many intervals were counted that none weighs more than those to come."""
+        return self._count * self._rules.weight >= 1.0
+
+    def add(self, elapsed: float) -> None:
+        """Count an interval [s]."""
+        self._count += 1
+        weight = max(self._rules.weight, 1.0 / self._count)
+        off = min(elapsed, self._rules.gap) - self.mean
+        self.mean += weight * off
+        self.variance = (1.0 - weight) * (self.variance + weight * off**2)
+
+
 class ConstantVelocity:
     """Motion without odometry: the velocity is an Ornstein-Uhlenbeck process (eq. M34).
 
@@ -81,6 +214,11 @@ class ConstantVelocity:
     speed, turn_rate : sigma of the velocity of a robot of which nothing is known, in x and y [m/s] and about z [rad/s].
     speed_change, turn_rate_change : sigma of its change within one second [m/s], [rad/s].
     rules : what is taken for an irregular stamp, and for a wrong one.
+
+    Attributes
+    ----------
+    jumps : none, as no wheels are looked at.
+    pose_odom : the latest pose in the log, shape (3,).
     """
 
     def __init__(
@@ -91,15 +229,16 @@ class ConstantVelocity:
         turn_rate_change: float,
         rules: VelocityRules = VelocityRules(),  # noqa: B008, frozen
     ) -> None:
+        self.jumps: list[Jump] = []
+        self.pose_odom: Pose = np.zeros(3)
         self._rules = rules
         sigma = np.array([speed, speed, turn_rate])
         change = np.array([speed_change, speed_change, turn_rate_change])
         self._variance = sigma**2
         # Correlation time T of the velocity: with noise of spectral density q its stationary variance is q T / 2.
         self._memory = 2.0 * (sigma / change) ** 2
-        self._count = 0
-        self._interval = 0.0
-        self._jitter2 = 0.0
+        # A scanner turns steadily, so its intervals should all be alike: their variance is the error of the stamps.
+        self._interval = MeanInterval(rules)
         self._learned: float | None = None
         self._stamp = 0.0
         # The robot may be moving when the data begin.
@@ -108,6 +247,7 @@ class ConstantVelocity:
 
     def step(self, stamp: float, pose_odom_robot: Pose) -> tuple[Pose, Array]:
         """Motion since the record before and its covariance, shapes (3,) and (3, 3); odometry is not looked at."""
+        self.pose_odom = pose_odom_robot
         if self._learned is None:
             self._learned = self._stamp = stamp
         before, after = (self._motion(time - self._learned) for time in (self._stamp, stamp))
@@ -123,7 +263,7 @@ class ConstantVelocity:
         walk = np.maximum(self._variance * self._memory**2 * (2.0 * (ratio - lost) - lost**2), 0.0)
         cov = np.outer(reach, reach) * self._velocity_cov + np.diag(walk)
         if elapsed > 0.0:
-            cov += self._jitter2 * (self._velocity_cov + np.outer(self._velocity, self._velocity))
+            cov += self._interval.variance * (self._velocity_cov + np.outer(self._velocity, self._velocity))
         return reach * self._velocity, cov
 
     def learn(self, stamp: float, since: PoseClone) -> bool:
@@ -132,7 +272,7 @@ class ConstantVelocity:
         self._learned = self._stamp = stamp
         if elapsed <= 0.0:
             return True
-        self._time(elapsed)
+        self._interval.add(elapsed)
         motion, cov = self._motion(elapsed)
         lost = -np.expm1(-elapsed / self._memory)
         kept = 1.0 - lost
@@ -148,11 +288,3 @@ class ConstantVelocity:
         if (self._velocity**2 + np.diag(velocity_cov) > self._rules.fastest**2 * self._variance).any():
             self._velocity, self._velocity_cov = np.zeros(3), np.diag(self._variance)
         return True
-
-    def _time(self, elapsed: float) -> None:
-        """Learn how irregular the stamps are: a scanner turns steadily, so its intervals should all be alike."""
-        self._count += 1
-        weight = max(self._rules.weight, 1.0 / self._count)
-        off = min(elapsed, self._rules.gap) - self._interval
-        self._interval += weight * off
-        self._jitter2 = (1.0 - weight) * (self._jitter2 + weight * off**2)

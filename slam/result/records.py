@@ -15,7 +15,7 @@ class Records:
     Attributes
     ----------
     stamps : of the records [s].
-    poses_odom : their odometry poses from the log, odom frame, shape (3,) each.
+    poses_odom : their odometry poses from the log without its jumps, odom frame, shape (3,) each.
     poses_map : their poses by odometry as configured, map frame, shape (3,) each.
     """
 
