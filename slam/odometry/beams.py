@@ -116,6 +116,6 @@ def _judge_beams(points, origin_x, origin_y, walls, pose, behind):
             beyond[i] |= before < -behind
             if before > behind:
                 judged[i] = BEFORE
-    judged[beyond & ~on] = THROUGH
+    judged[beyond] = THROUGH
     judged[on] = ON
     return judged

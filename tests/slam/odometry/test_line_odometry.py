@@ -24,6 +24,7 @@ from sim.worlds.built_in.demo_room import room
 from slam.config import SlamConfig
 from slam.errors import DivergedError
 from slam.evaluation.relations import Relations, read_relations, relations
+from slam.odometry.beams import BEFORE, ON, THROUGH, UNKNOWN
 from slam.odometry.line_odometry import LineOdometry
 from slam.odometry.registration import Registration, register
 from slam.parts import line_odometry
@@ -154,6 +155,24 @@ def test_a_step_that_was_driven_is_found_again_where_it_was_taken_for_a_jump():
     assert odometry.counts.odometry_jumps == 1
     assert odometry.counts.predictions_rejected >= 1
     assert np.hypot(*(odometry.pose - truths[-1])[:2]) < 0.02
+
+
+@pytest.mark.parametrize(
+    ("gained", "lost", "preferred"), [(7, 0, True), (6, 0, False), (0, 7, False), (25, 8, True), (20, 8, False)]
+)
+def test_beams_prefer_the_pose_that_fewer_of_them_contradict(monkeypatch, gained, lost, preferred):
+    """Eq. M91 with the quantile 6.63; beams that are judged alike, or of which nothing is known, do not count."""
+    alike = [ON] * 9 + [THROUGH] * 9 + [UNKNOWN] * 9
+    here = np.array([THROUGH, BEFORE] * gained + [ON] * lost + alike)[gained:]
+    there = np.array([ON] * gained + [BEFORE] * lost + alike)
+    fit, other = (Registration(pose(x), np.eye(3), np.zeros(3), share) for x, share in ((0.0, 0.6), (1.0, 0.7)))
+    odometry = copy.deepcopy(_under_way()[0])
+
+    def judge_beams(scan, walls, pose_map_robot, rules):
+        return there if pose_map_robot[0] else here
+
+    monkeypatch.setattr("slam.odometry.line_odometry.judge_beams", judge_beams)
+    assert odometry._beams_prefer(odometry.scan, other, fit) == preferred
 
 
 @pytest.mark.slow

@@ -63,7 +63,7 @@ def test_wheels_that_start_anew_at_zero_jump_once():
 
 
 def test_a_fast_robot_is_believed_once_it_has_shown_its_speed():
-    """Ten times as fast as configured, from standing: after some records it is no jump any more, but a jump still is."""
+    """Ten times as fast as configured, from standing: after some records no jump any more; a jump still is."""
     wheels = WheelMotion(MODEL, WheelSpeeds(1.0, 1.0))
     driven(wheels, steady(0.0, 50, start=-1.0))
     motions = driven(wheels, steady(10.0, 60))
