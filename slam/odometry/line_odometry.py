@@ -180,6 +180,10 @@ class LineOdometry:
             self.counts.registered += 1
             return other
         beside = self._beside(scan, fit)
+        if fit is beside and fit.share < rules.sure_share and self._beams_prefer(scan, drifting.pose, fit):
+            # What is near and has a short lever has turned the pose away from walls that are far.
+            fit = self._near(scan)
+            beside = None if self._beams_prefer(scan, drifting.pose, fit) else self._beside(scan, fit)
         if fit.share < rules.sure_share:
             self.counts.second_attempts += 1
             other, origin = self._match_anywhere(scan)
@@ -216,7 +220,7 @@ class LineOdometry:
         best, origin_of_best = fit, self._drifting.pose
         for origin in self._hypotheses(elapsed):
             other = register(scan, walls, origin, cov, origin, rules.registration)
-            if _distance2(other, origin) <= self._prediction_gate and self._beams_prefer(scan, other, best):
+            if _distance2(other, origin) <= self._prediction_gate and self._explains_better(scan, other, best):
                 best, origin_of_best = other, origin
         if best is fit:
             return None
@@ -234,14 +238,18 @@ class LineOdometry:
         if self.jumped:
             yield compose(last, between(self._pose_odom_scan, self._pose_odom))
 
-    def _beams_prefer(self, scan: ScanPoints, other: Registration, fit: Registration) -> bool:
-        """Whether the beams that end on a wall at one of two poses only are for ``other``, by more than chance."""
-        walls, rules = self._map.walls, self._rules
+    def _explains_better(self, scan: ScanPoints, other: Registration, fit: Registration) -> bool:
+        """Whether a registration explains a scan better than ``fit``, by the share and by the beams."""
         if other.share <= fit.share:
             return False
-        if fit.share < rules.least_share:
-            return other.share >= rules.sure_share
-        here, there = (judge_beams(scan, walls, each.pose_map_robot, rules.beams) for each in (fit, other))
+        if fit.share < self._rules.least_share:
+            return other.share >= self._rules.sure_share
+        return self._beams_prefer(scan, other.pose_map_robot, fit)
+
+    def _beams_prefer(self, scan: ScanPoints, pose_map_robot: Pose, fit: Registration) -> bool:
+        """Whether the beams that end on a wall at one of two poses only prefer another pose to ``fit`` (eq. M91)."""
+        walls, rules = self._map.walls, self._rules.beams
+        here, there = (judge_beams(scan, walls, each, rules) for each in (fit.pose_map_robot, pose_map_robot))
         gained = int(((there == ON) & (here >= BEFORE)).sum())
         lost = int(((here == ON) & (there >= BEFORE)).sum())
         return gained > lost and (gained - lost) ** 2 > self._beams_gate * (gained + lost)
@@ -251,8 +259,13 @@ class LineOdometry:
         drifting = self._drifting
         if _distance2(fit, drifting.pose) <= self._prediction_gate:
             return fit
-        near = register(scan, self._map.walls, drifting.pose, drifting.cov, drifting.pose, self._near_rules)
+        near = self._near(scan)
         return near if _distance2(near, drifting.pose) <= self._prediction_gate else None
+
+    def _near(self, scan: ScanPoints) -> Registration:
+        """Registration at the prediction with a narrow gate."""
+        drifting = self._drifting
+        return register(scan, self._map.walls, drifting.pose, drifting.cov, drifting.pose, self._near_rules)
 
     def _fits_better(self, scan: ScanPoints, other: Registration, beside: Registration | None) -> bool:
         """Whether the registration away from the prediction is better than the one near it.

@@ -172,7 +172,40 @@ def test_beams_prefer_the_pose_that_fewer_of_them_contradict(monkeypatch, gained
         return there if pose_map_robot[0] else here
 
     monkeypatch.setattr("slam.odometry.line_odometry.judge_beams", judge_beams)
-    assert odometry._beams_prefer(odometry.scan, other, fit) == preferred
+    assert odometry._beams_prefer(odometry.scan, other.pose_map_robot, fit) == preferred
+    assert odometry._explains_better(odometry.scan, other, fit) == preferred
+    assert not odometry._explains_better(odometry.scan, dataclasses.replace(other, share=0.6), fit)
+
+
+@pytest.mark.parametrize("turn_deg", [10.4, -10.4])
+@pytest.mark.parametrize(("share", "believed"), [(0.3, False), (0.6, True)])
+def test_little_that_fits_does_not_turn_the_robot_away_from_long_walls(monkeypatch, turn_deg, share, believed):
+    """A first look is turned by something near, inside of the gate of the wheels and with a claim of 0.1 deg.
+
+    The walls of the room, seen from where the wheels say, contradict it. They are asked where little fits.
+    """
+    here, turn = pose(2.2, 1.7, 0.6), math.radians(turn_deg)
+    scan = LIDAR.scan(room(), here, 0.0, np.random.default_rng(9))
+    lines = extract(scan, SENSOR, CONFIG.extraction).lines
+    motion = Told((pose(), np.zeros((3, 3))), (pose(), np.diag([0.02, 0.02, math.radians(4.0)]) ** 2))
+    odometry = LineOdometry(here, motion, SENSOR, LINE_DISTANCE, 1)
+    odometry.predict(0.0, pose())
+    odometry.register(0.0, scan, lines)
+    odometry.add_key_frame()
+    looks = []
+
+    def feign(*arguments):
+        looks.append(register(*arguments))
+        information = np.diag([1e4, 1e4, math.radians(0.1) ** -2])
+        turned = Registration(here + pose(0.0, 0.0, turn), information, information @ pose(0.0, 0.0, turn), share)
+        return turned if len(looks) == 1 else looks[-1]
+
+    monkeypatch.setattr("slam.odometry.line_odometry.register", feign)
+    odometry.predict(1.0, pose())
+    odometry.register(1.0, scan, lines)
+    assert odometry.counts.registered == 1
+    turned = math.degrees(wrap_angle(float(odometry.pose[2] - here[2])))
+    assert turned == pytest.approx(turn_deg if believed else 0.0, abs=0.3)
 
 
 @pytest.mark.slow
