@@ -271,9 +271,9 @@ class Told:
 
     def __init__(self, *motions):
         self._motions = iter(motions)
-        self.jumps, self.pose_odom = [], pose()
+        self.jumps, self.pose_odom, self.pose_log = [], pose(), pose()
 
-    def step(self, stamp, pose_odom_robot):
+    def record(self, stamp, pose_log_robot):
         return next(self._motions)
 
     def learn(self, stamp, since):
