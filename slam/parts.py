@@ -18,7 +18,7 @@ from slam.filter.front_end import FrontEnd
 from slam.loop.closer import LoopCloser
 from slam.odometry.cloned_pose import PoseClone
 from slam.odometry.line_odometry import LineOdometry
-from slam.odometry.motion_models import ConstantVelocity, OdometryModel, WheelMotion
+from slam.odometry.motion_models import ConstantVelocity, OdometryModel, WheelMotion, WheelSpeeds
 from slam.rules import SlamRules
 from slam.trust.monitor import TrustMonitor
 
@@ -109,7 +109,8 @@ def line_odometry(
             rules=rules.velocity,
         )
     else:
-        motion = WheelMotion(wheels, rules.wheels)
+        speeds = WheelSpeeds(odometry.speed_m_s, math.radians(odometry.turn_rate_deg_s), rules.velocity)
+        motion = WheelMotion(wheels, speeds, rules.wheels)
     extraction = config.extraction
     sensor = sensor or config.sensor.model()
     line_distance = max(extraction.split_distance_mm * 1e-3, extraction.split_sigmas * sensor.sigma_range)

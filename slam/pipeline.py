@@ -199,7 +199,7 @@ class Slam:
         stamp, pose_odom = frame.stamp, self._records.poses_odom[-1]
         if sweep is not None:
             stamp, pose_odom = sweep.stamp, sweep.pose_odom
-            self._estimators.odometry.predict(stamp, pose_odom)
+            self._estimators.odometry.move_to(sweep)
         self._register(stamp, pose_odom, view, sweep)
         association = None
         key_frame_due = self._key_frame_due(view)
@@ -222,7 +222,7 @@ class Slam:
             self._started = Estimators.start(self.config, self._rules, pose_odom_robot, self._associator, self._sensor)
         odometry = self._started.odometry
         odometry.predict(stamp, pose_odom_robot)
-        self._records.add(stamp, pose_odom_robot, odometry.pose)
+        self._records.add(stamp, odometry.pose_odom, odometry.pose)
 
     def _sweep(self, scan: LaserScan | None) -> Sweep | None:
         """Motion during a scan; None where it is not to be undone, or the beams have no times."""
@@ -265,6 +265,8 @@ class Slam:
                 self._monitor.registered(
                     stamp, points.points, odometry.pose, pose_odom, odometry.share, rejected=rejected
                 )
+            if odometry.jumped:
+                self._monitor.jumped(stamp, odometry.share)
             self._monitor.drove(stamp, estimators.since_scan.motion, seen=len(lines) > 0)
             estimators.since_scan.reset()
 

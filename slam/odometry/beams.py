@@ -1,5 +1,5 @@
 # pyright: standard
-"""Which points and walls the beams of a scan have gone through."""
+"""Which points and walls the beams of a scan have gone through, and which walls they end on."""
 
 import math
 
@@ -18,6 +18,9 @@ from slam.odometry.scan_points import ScanPoints, beams_on_wall, pseudo_angles
 
 HIDDEN, IN_SIGHT, PASSED = range(3)
 """What the beams next to a point show of its place: nothing, a surface there, or that there is none."""
+
+UNKNOWN, ON, BEFORE, THROUGH = range(4)
+"""Where a beam ends."""
 
 
 def look_at(
@@ -78,9 +81,20 @@ def beams_through_walls(
     pose_map_robot: Pose,
     rules: BeamRules = BeamRules(),  # noqa: B008, frozen
 ) -> int:
-    """Count the beams of a scan that, from a pose, would have gone through a wall.
+    """Count the beams of a scan that, from a pose, would have gone through a wall; see :func:`judge_beams`."""
+    return int((judge_beams(scan, walls, pose_map_robot, rules) == THROUGH).sum())
 
-    A beam that ends before a wall says nothing against the pose: something new may stand there.
+
+def judge_beams(
+    scan: ScanPoints,
+    walls: Array,
+    pose_map_robot: Pose,
+    rules: BeamRules = BeamRules(),  # noqa: B008, frozen
+) -> NDArray[np.int64]:
+    """Judge where, from a pose, each beam of a scan ends: ON a wall, or well BEFORE one or THROUGH it, shape (n,).
+
+    A beam that meets no wall is UNKNOWN. One that ends before a wall says less against the pose than one that goes
+    through: something new may stand there.
 
     Parameters
     ----------
@@ -90,11 +104,11 @@ def beams_through_walls(
     rules : how far behind a wall a beam has to end.
     """
     mounting = scan.sensor.mounting
-    return _beams_through_walls(scan.points, mounting.x, mounting.y, walls, pose_map_robot, rules.behind)
+    return _judge_beams(scan.points, mounting.x, mounting.y, walls, pose_map_robot, rules.behind)
 
 
 @kernel(f8[:, ::1], f8, f8, f8[:, ::1], f8[::1], f8)
-def _beams_through_walls(points, origin_x, origin_y, walls, pose, behind):
+def _judge_beams(points, origin_x, origin_y, walls, pose, behind):
     n = len(points)
     directions = pseudo_angles(points, origin_x, origin_y)
     c = math.cos(pose[2])
@@ -103,6 +117,7 @@ def _beams_through_walls(points, origin_x, origin_y, walls, pose, behind):
     sensor_y = s * origin_x + c * origin_y
     on = np.zeros(n, np.bool_)
     beyond = np.zeros(n, np.bool_)
+    judged = np.full(n, UNKNOWN)
     for wall in walls:
         base_x = wall[WALL_X] - pose[0]
         base_y = wall[WALL_Y] - pose[1]
@@ -118,4 +133,8 @@ def _beams_through_walls(points, origin_x, origin_y, walls, pose, behind):
             before = wall[NORMAL_X] * x + wall[NORMAL_Y] * y
             on[i] |= abs(before) < 0.5 * behind
             beyond[i] |= before < -behind
-    return (beyond & ~on).sum()
+            if before > behind:
+                judged[i] = BEFORE
+    judged[beyond] = THROUGH
+    judged[on] = ON
+    return judged
