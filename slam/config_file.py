@@ -9,6 +9,7 @@ import tomlkit
 from pydantic import BaseModel, ValidationError
 
 from drivers.frame import SourceInfo
+from features.config import ExtractionConfig
 from slam.config import SlamConfig
 from slam.errors import ConfigError
 
@@ -57,6 +58,9 @@ def load_config(
     chosen = next(name for name in (preset, file_preset, source.sensor) if name is not None)
     try:
         base = SlamConfig.of_preset(chosen, source.mounting).model_dump()
+        extraction = given.get("extraction")
+        if isinstance(extraction, dict) and extraction.get("preset") == "paper":
+            base["extraction"] = ExtractionConfig(preset="paper").model_dump()
         if not source.has_odometry:
             base["odometry"]["source"] = "lines"
         if "sigma_range_mm" in sensor:
