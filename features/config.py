@@ -108,7 +108,7 @@ class ExtractionConfig(BaseModel):
     @classmethod
     def _complete(cls, values: Any) -> Any:
         if not isinstance(values, dict):
-            return cast("Any", values)
+            return values
         given = dict(cast("dict[str, Any]", values))
         if given.pop(REMOVED, None) is not None:
             warnings.warn(
@@ -133,7 +133,7 @@ class ExtractionConfig(BaseModel):
     def model_copy(self, *, update: Mapping[str, Any] | None = None, deep: bool = False) -> "ExtractionConfig":
         """Copy, with some values changed; the rules of the copy are its own."""
         copy = super().model_copy(update=update, deep=deep)
-        copy.__dict__.pop("rules", None)
+        vars(copy).pop("rules", None)
         return copy
 
     @cached_property
