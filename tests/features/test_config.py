@@ -25,7 +25,7 @@ def test_corner_angles_must_be_in_order():
         ("jump_angle_deg", 90.0),
         ("gap_beams", 1.0),
         ("split_distance_mm", 0.0),
-        ("split_sigmas", 0.0),
+        ("split_sigmas", -0.1),
         ("trim_points", -1),
         ("trim_sigmas", -0.1),
         ("min_points", 1),
@@ -64,3 +64,18 @@ def test_rules_cannot_be_changed_afterwards():
 def test_a_rule_that_is_gone_is_dropped_with_a_warning():
     with pytest.warns(DeprecationWarning, match="corner_gap_mm is not used any more"):
         assert ExtractionConfig(**{"corner_gap_mm": 100.0}) == ExtractionConfig()
+
+
+def test_the_preset_of_the_paper_sets_what_no_other_key_does() -> None:
+    paper = ExtractionConfig(preset="paper")
+    assert (paper.fit, paper.covariance, paper.tested) == ("cwlf", "paper", False)
+    assert (paper.split_distance_mm, paper.split_sigmas, paper.trim_points, paper.trim_sigmas) == (50.0, 0.0, 0, 0.0)
+    assert ExtractionConfig(preset="paper", split_distance_mm=30.0).split_distance_mm == 30.0
+    assert ExtractionConfig.model_validate(paper.model_dump()) == paper
+
+
+def test_a_copy_has_rules_of_its_own() -> None:
+    config = ExtractionConfig()
+    assert config.rules[2] == 0.05
+    assert config.model_copy(update={"split_distance_mm": 30.0}).rules[2] == 0.03
+    assert config.rules[2] == 0.05
