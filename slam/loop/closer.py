@@ -1,4 +1,4 @@
-"""Loop closing: proposals by estimated distance or by constellations of corners, verified by registration to walls."""
+"""Loop closing: proposals by estimated distance, constellations of corners or walls, verified by registration."""
 
 import math
 
@@ -6,13 +6,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from features.feature import Corners
-from features.se2 import Array, Pose, between, compose, inverse
+from features.se2 import Array, Pose, between, compose, inverse, rotation
 from slam.graph.values import Closure
 from slam.loop.constellation import Constellation, collect_constellation
 from slam.loop.dead_reckoning import DeadReckoning
 from slam.loop.geometric_hashing import GeometricHash
 from slam.loop.rules import LoopCounts, LoopRules
 from slam.loop.verification import closure_of, position_sigma, walls_world
+from slam.loop.wall_search import Region, search, wall_samples
 from slam.odometry.registration import Registration, register
 from slam.odometry.scan_points import ScanPoints
 
@@ -57,6 +58,8 @@ class LoopCloser:
         self._reckoning = DeadReckoning()
         self._last_search = -math.inf
         self._last_closure = -math.inf
+        self._last_wall_search = -math.inf
+        self._tied = 0
         self._hypothesis: tuple[int, Pose] | None = None
         self._index = GeometricHash(rules.places)
         self._places: list[int] = []
@@ -92,6 +95,8 @@ class LoopCloser:
             # A submap that is tied to an earlier one would only be tied to it again.
             tied = self._path_lengths[newest] - self._last_closure <= self._rules.constellation
             closures = [] if tied else self._by_corners(newest, poses_world_robot)
+            if not tied and not closures:
+                closures = self._by_walls(newest, poses_world_robot)
         else:
             older, fit = found
             here = poses_world_robot[newest]
@@ -105,6 +110,7 @@ class LoopCloser:
             )
         if closures:
             self._last_closure = self._path_lengths[newest]
+            self._tied = newest
         self.counts.accepted += len(closures)
         return closures
 
@@ -175,6 +181,48 @@ class LoopCloser:
             self.counts.rejected += len(verified)
             return []
         return verified[0][1] if verified else []
+
+    def _by_walls(self, newest: int, poses_world_robot: Array) -> list[Closure]:
+        """Closures of the newest submap and the one place in the region of dead reckoning on which its walls lie."""
+        rules = self._rules.walls
+        lengths = np.array(self._path_lengths)
+        if lengths[newest] - self._last_wall_search < rules.spacing:
+            return []
+        here = poses_world_robot[newest]
+        region = self._region(here)
+        old = np.flatnonzero(lengths < lengths[newest] - self._apart)
+        apart = np.hypot(*(poses_world_robot[old, :2] - here[:2]).T)
+        old = old[apart <= region.reach + self._reach]
+        # A smaller region is that of the search near by.
+        if region.reach <= self._rules.registration.gate or not old.size:
+            return []
+        self._last_wall_search = lengths[newest]
+        recent = self._unbroken(newest, np.flatnonzero(lengths > lengths[newest] - rules.submap))
+        robot = np.array([between(here, each) for each in poses_world_robot])
+        points = wall_samples(walls_world(self._scans, recent, robot), rules)
+        walls = walls_world(self._scans, old, poses_world_robot)
+        if not len(points) or not len(walls):
+            return []
+        found = search(points, walls, region, self._share, rules)
+        if found.pose is None:
+            return []
+        self.counts.proposed_by_walls += 1
+        supporters = None
+        if found.unique:
+            older = int(old[np.hypot(*(poses_world_robot[old, :2] - found.pose[:2]).T).argmin()])
+            if self._possible(np.array([older]), between(poses_world_robot[older], found.pose)[None])[0]:
+                supporters = self._supporters(older, newest, found.pose, poses_world_robot)
+        if supporters is None or len(supporters[1]) < rules.supporters:
+            self.counts.rejected += 1
+            return []
+        return supporters[1]
+
+    def _region(self, here: Pose) -> Region:
+        """Where the newest key frame may be, given where it was tied to earlier ones last, world frame."""
+        reckoned, cov = self._reckoning.drift(self._tied)
+        turn = np.eye(3)
+        turn[:2, :2] = rotation(float(here[2] - reckoned[2]))
+        return Region(here, turn @ cov @ turn.T, self._possible_gate)
 
     def _supporters(
         self, older: int, newest: int, start: Pose, poses_world_robot: Array
