@@ -14,6 +14,7 @@ from slam.loop.geometric_hashing import GeometricHash
 from slam.loop.rules import LoopCounts, LoopRules
 from slam.loop.verification import closure_of, position_sigma, walls_world
 from slam.loop.wall_search import Region, search, wall_samples
+from slam.odometry.beams import beams_through_walls
 from slam.odometry.registration import Registration, register
 from slam.odometry.scan_points import ScanPoints
 
@@ -212,10 +213,28 @@ class LoopCloser:
             older = int(old[np.hypot(*(poses_world_robot[old, :2] - found.pose[:2]).T).argmin()])
             if self._possible(np.array([older]), between(poses_world_robot[older], found.pose)[None])[0]:
                 supporters = self._supporters(older, newest, found.pose, poses_world_robot)
-        if supporters is None or len(supporters[1]) < rules.supporters:
-            self.counts.rejected += 1
-            return []
-        return supporters[1]
+                if supporters is not None and (
+                    len(supporters[1]) < rules.supporters
+                    or self._through(older, newest, supporters[0], poses_world_robot) > rules.through
+                ):
+                    supporters = None
+        self.counts.rejected += supporters is None
+        return [] if supporters is None else supporters[1]
+
+    def _through(self, older: int, newest: int, pose: Pose, poses_world_robot: Array) -> float:
+        """Share of the beams of the newest submap that go through walls of a place, if the newest key frame is there.
+
+        What lies beside the place belongs to no wall of it, and says nothing of a place that is left or entered. But
+        nowhere on its way the robot looks through a wall.
+        """
+        submap = self._unbroken(older, self._about(older, self._rules.constellation))
+        walls = walls_world(self._scans, submap, poses_world_robot)
+        through = beams = 0
+        for key in self._spaced(newest):
+            there = compose(pose, between(poses_world_robot[newest], poses_world_robot[key]))
+            through += beams_through_walls(self._scans[key], walls, there)
+            beams += len(self._scans[key])
+        return through / max(beams, 1)
 
     def _region(self, here: Pose) -> Region:
         """Where the newest key frame may be, given where it was tied to earlier ones last, world frame."""
@@ -232,16 +251,7 @@ class LoopCloser:
         submap = self._unbroken(older, self._about(older, rules.constellation))
         walls = walls_world(self._scans, submap, poses_world_robot)
         fits: list[tuple[int, Registration, Pose]] = []
-        tried = math.inf
-        for key in range(newest, -1, -1):
-            if (
-                self._path_lengths[key] < self._path_lengths[newest] - rules.constellation
-                or self._breaks[key] != self._breaks[newest]
-            ):
-                break
-            if self._path_lengths[key] > tried - rules.supporter_spacing:
-                continue
-            tried = self._path_lengths[key]
+        for key in self._spaced(newest):
             motion = between(poses_world_robot[newest], poses_world_robot[key])
             fit = self._fit(key, walls, compose(start, motion))
             if self._certain(fit):
@@ -255,6 +265,16 @@ class LoopCloser:
         return pose, [
             closure_of(older, key, poses_world_robot[older], fit, self._systematic_cov) for key, fit, _ in agreed
         ]
+
+    def _spaced(self, newest: int) -> list[int]:
+        """Key frames of the newest submap, far enough apart along the path to see different points, newest first."""
+        rules = self._rules
+        lengths = np.array(self._path_lengths)
+        kept: list[int] = []
+        for key in self._unbroken(newest, np.flatnonzero(lengths >= lengths[newest] - rules.constellation))[::-1].tolist():
+            if not kept or lengths[key] <= lengths[kept[-1]] - rules.supporter_spacing:
+                kept.append(key)
+        return kept
 
     def _remember_places(self, poses_world_robot: Array) -> None:
         """Add to the index the submaps that lie far enough behind along the path to be revisited."""
