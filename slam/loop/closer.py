@@ -212,7 +212,7 @@ class LoopCloser:
         if found.unique:
             older = int(old[np.hypot(*(poses_world_robot[old, :2] - found.pose[:2]).T).argmin()])
             if self._possible(np.array([older]), between(poses_world_robot[older], found.pose)[None])[0]:
-                supporters = self._supporters(older, newest, found.pose, poses_world_robot)
+                supporters = self._supporters(older, newest, found.pose, poses_world_robot, of_walls=True)
                 if supporters is not None and (
                     len(supporters[1]) < rules.supporters
                     or self._through(older, newest, supporters[0], poses_world_robot) > rules.through
@@ -244,17 +244,22 @@ class LoopCloser:
         return Region(here, turn @ cov @ turn.T, self._possible_gate)
 
     def _supporters(
-        self, older: int, newest: int, start: Pose, poses_world_robot: Array
+        self, older: int, newest: int, start: Pose, poses_world_robot: Array, *, of_walls: bool = False
     ) -> tuple[Pose, list[Closure]] | None:
         """Pose of the newest key frame and closures by its supporting key frames; None if too few (eq. M54)."""
         rules = self._rules
         submap = self._unbroken(older, self._about(older, rules.constellation))
         walls = walls_world(self._scans, submap, poses_world_robot)
+        own = None
+        if of_walls:
+            # Of the points of a scan those count that walls can explain at all: in clutter these are few.
+            recent = np.flatnonzero(np.array(self._path_lengths) > self._path_lengths[newest] - rules.constellation)
+            own = walls_world(self._scans, self._unbroken(newest, recent), poses_world_robot)
         fits: list[tuple[int, Registration, Pose]] = []
         for key in self._spaced(newest):
             motion = between(poses_world_robot[newest], poses_world_robot[key])
             fit = self._fit(key, walls, compose(start, motion))
-            if self._certain(fit):
+            if self._certain(fit, self._fit(key, own, poses_world_robot[key]).share if own is not None else 1.0):
                 fits.append((key, fit, compose(fit.pose_map_robot, inverse(motion))))
         # Those that agree with the one with which most do.
         alike = [[each for each in fits if self._agree(one[2], each[2])] for one in fits]
@@ -302,8 +307,9 @@ class LoopCloser:
     def _fit(self, key_frame: int, walls: Array, start: Pose) -> Registration:
         return register(self._scans[key_frame], walls, start, self._unknown_cov, start, self._rules.registration)
 
-    def _certain(self, fit: Registration) -> bool:
-        return fit.share >= self._share and position_sigma(fit) <= self._rules.sigma
+    def _certain(self, fit: Registration, most: float = 1.0) -> bool:
+        """Whether a fit tells the position, and enough of the points lie on walls that ``most`` of them belong to."""
+        return fit.share >= self._share * most and position_sigma(fit) <= self._rules.sigma
 
     def _possible(self, older: NDArray[np.int64], motions: Array) -> NDArray[np.bool_]:
         """Whether dead reckoning allows for motions of the newest key frame from older ones, shapes (h,) and (h, 3)."""

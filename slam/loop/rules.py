@@ -70,7 +70,7 @@ class WallSearchRules:
     same_position: float = 1.0
     same_heading: float = math.radians(10.0)
     supporters: int = 4
-    through: float = 0.02
+    through: float = 0.05
 
 
 @dataclass(frozen=True, slots=True)
