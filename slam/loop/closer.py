@@ -222,22 +222,22 @@ class LoopCloser:
         return [] if supporters is None else supporters[1]
 
     def _through(self, older: int, newest: int, pose: Pose, poses_world_robot: Array) -> float:
-        """Share of the beams of the newest submap that go through walls of a place, if the newest key frame is there.
+        """Largest share of beams of a key frame that go through walls of a place, if the newest key frame is there.
 
         What lies beside the place belongs to no wall of it, and says nothing of a place that is left or entered. But
-        nowhere on its way the robot looks through a wall.
+        nowhere on its way, all along the newest submap, the robot looks through a wall.
         """
         submap = self._unbroken(older, self._about(older, self._rules.constellation))
         walls = walls_world(self._scans, submap, poses_world_robot)
-        through = beams = 0
+        shares = [0.0]
         for key in self._spaced(newest):
+            scan = self._scans[key]
             there = compose(pose, between(poses_world_robot[newest], poses_world_robot[key]))
-            through += beams_through_walls(self._scans[key], walls, there)
-            beams += len(self._scans[key])
-        return through / max(beams, 1)
+            shares.append(beams_through_walls(scan, walls, there) / max(len(scan), 1))
+        return max(shares)
 
     def _region(self, here: Pose) -> Region:
-        """Where the newest key frame may be, given where it was tied to earlier ones last, world frame."""
+        """Where the newest key frame may be, given where it was tied to earlier ones last, world frame (eq. M55)."""
         reckoned, cov = self._reckoning.drift(self._tied)
         turn = np.eye(3)
         turn[:2, :2] = rotation(float(here[2] - reckoned[2]))

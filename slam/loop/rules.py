@@ -57,7 +57,7 @@ class WallSearchRules:
     rival : share of the score of the best pose that none elsewhere may have.
     same_position, same_heading : poses nearer than this to the best one are the same place [m, rad].
     supporters : least number of supporting key frames.
-    through : share of the beams of the newest submap that may go through walls of the place.
+    through : share of the beams of any key frame of the newest submap that may go through walls of the place.
     """
 
     spacing: float = 4.0
@@ -70,7 +70,7 @@ class WallSearchRules:
     same_position: float = 1.0
     same_heading: float = math.radians(10.0)
     supporters: int = 4
-    through: float = 0.05
+    through: float = 0.1
 
 
 @dataclass(frozen=True, slots=True)
