@@ -1,12 +1,13 @@
 """Loop closing: proposals by estimated distance, constellations of corners or walls, verified by registration."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from features.feature import Corners
-from features.se2 import Array, Pose, between, compose, inverse, rotation
+from features.se2 import Array, Pose, between, compose, inverse, rotation, transform
 from slam.graph.values import Closure
 from slam.loop.constellation import Constellation, collect_constellation
 from slam.loop.dead_reckoning import DeadReckoning
@@ -199,27 +200,33 @@ class LoopCloser:
             return []
         self._last_wall_search = lengths[newest]
         recent = self._unbroken(newest, np.flatnonzero(lengths > lengths[newest] - rules.submap))
-        robot = np.array([between(here, each) for each in poses_world_robot])
-        points = wall_samples(walls_world(self._scans, recent, robot), rules)
+        samples = wall_samples(walls_world(self._scans, recent, poses_world_robot), rules)
+        points = np.ascontiguousarray(transform(inverse(here), samples))
         walls = walls_world(self._scans, old, poses_world_robot)
         if not len(points) or not len(walls):
             return []
-        found = search(points, walls, region, self._share, rules)
+        wider = replace(region, cov=region.cov + self._blur_cov)
+        found = search(points, walls, wider, self._share, rules)
         if found.pose is None:
             return []
         self.counts.proposed_by_walls += 1
-        supporters = None
-        if found.unique:
-            older = int(old[np.hypot(*(poses_world_robot[old, :2] - found.pose[:2]).T).argmin()])
-            if self._possible(np.array([older]), between(poses_world_robot[older], found.pose)[None])[0]:
-                supporters = self._supporters(older, newest, found.pose, poses_world_robot, of_walls=True)
-                if supporters is not None and (
-                    len(supporters[1]) < rules.supporters
-                    or self._through(older, newest, supporters[0], poses_world_robot) > rules.through
-                ):
-                    supporters = None
-        self.counts.rejected += supporters is None
-        return [] if supporters is None else supporters[1]
+        older = int(old[np.hypot(*(poses_world_robot[old, :2] - found.pose[:2]).T).argmin()])
+        closures = self._verified(older, newest, found.pose, poses_world_robot) if found.unique else []
+        self.counts.rejected += not closures
+        return closures
+
+    def _verified(self, older: int, newest: int, start: Pose, poses_world_robot: Array) -> list[Closure]:
+        """Closures by the supporting key frames of a place that was found by its walls; none where it is denied."""
+        rules = self._rules.walls
+        if not self._possible(np.array([older]), between(poses_world_robot[older], start)[None])[0]:
+            return []
+        # Of the points of a scan those count that walls can explain at all: in clutter these are few.
+        own = walls_world(self._scans, np.array(self._spaced(newest)), poses_world_robot)
+        supporters = self._supporters(older, newest, start, poses_world_robot, own)
+        if supporters is None or len(supporters[1]) < rules.supporters:
+            return []
+        pose, closures = supporters
+        return closures if self._through(older, newest, pose, poses_world_robot) <= rules.through else []
 
     def _through(self, older: int, newest: int, pose: Pose, poses_world_robot: Array) -> float:
         """Largest share of beams of a key frame that go through walls of a place, if the newest key frame is there.
@@ -244,22 +251,21 @@ class LoopCloser:
         return Region(here, turn @ cov @ turn.T, self._possible_gate)
 
     def _supporters(
-        self, older: int, newest: int, start: Pose, poses_world_robot: Array, *, of_walls: bool = False
+        self, older: int, newest: int, start: Pose, poses_world_robot: Array, own: Array | None = None
     ) -> tuple[Pose, list[Closure]] | None:
-        """Pose of the newest key frame and closures by its supporting key frames; None if too few (eq. M54)."""
+        """Pose of the newest key frame and closures by its supporting key frames; None if too few (eq. M54).
+
+        With the walls of the newest submap itself, ``own``, the share of points is asked of those that lie on them.
+        """
         rules = self._rules
         submap = self._unbroken(older, self._about(older, rules.constellation))
         walls = walls_world(self._scans, submap, poses_world_robot)
-        own = None
-        if of_walls:
-            # Of the points of a scan those count that walls can explain at all: in clutter these are few.
-            recent = np.flatnonzero(np.array(self._path_lengths) > self._path_lengths[newest] - rules.constellation)
-            own = walls_world(self._scans, self._unbroken(newest, recent), poses_world_robot)
         fits: list[tuple[int, Registration, Pose]] = []
         for key in self._spaced(newest):
             motion = between(poses_world_robot[newest], poses_world_robot[key])
             fit = self._fit(key, walls, compose(start, motion))
-            if self._certain(fit, self._fit(key, own, poses_world_robot[key]).share if own is not None else 1.0):
+            most = 1.0 if own is None else self._fit(key, own, poses_world_robot[key]).share
+            if self._certain(fit, most):
                 fits.append((key, fit, compose(fit.pose_map_robot, inverse(motion))))
         # Those that agree with the one with which most do.
         alike = [[each for each in fits if self._agree(one[2], each[2])] for one in fits]
@@ -275,8 +281,9 @@ class LoopCloser:
         """Key frames of the newest submap, far enough apart along the path to see different points, newest first."""
         rules = self._rules
         lengths = np.array(self._path_lengths)
+        submap = self._unbroken(newest, np.flatnonzero(lengths >= lengths[newest] - rules.constellation))
         kept: list[int] = []
-        for key in self._unbroken(newest, np.flatnonzero(lengths >= lengths[newest] - rules.constellation))[::-1].tolist():
+        for key in submap[::-1].tolist():
             if not kept or lengths[key] <= lengths[kept[-1]] - rules.supporter_spacing:
                 kept.append(key)
         return kept

@@ -100,7 +100,7 @@ class LoopRules:
 
     registration: RegistrationRules = RegistrationRules(gate=1.0)  # noqa: RUF009, frozen
     places: PlaceRules = PlaceRules()
-    walls: WallSearchRules = WallSearchRules()  # noqa: RUF009, frozen
+    walls: WallSearchRules = WallSearchRules()
     spacing: float = 0.5
     memory: float = 2.0
     submap_length: float = 8.0

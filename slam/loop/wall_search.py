@@ -87,15 +87,15 @@ def search(points: Array, walls: Array, region: Region, share: float, rules: Wal
     gates = region.gate - (turns / sigma) ** 2
     middles = region.pose[:2] + turns[:, None] * slope
     halves = np.floor(np.sqrt(np.maximum(gates, 0.0)[:, None] * np.diag(about)) / cell).astype(np.int64)
+    blocks = 2**rules.levels
+    tops = int((-(-(2 * halves + 1) // blocks)).prod(axis=1).sum())
+    if tops > rules.most_nodes:
+        return Found(None, False)
     grids, origin = _pyramid(walls, cell, rules.levels)
     cells = np.empty((len(turns), len(points), 2), np.int64)
     for at, each in enumerate(turns):
         turned = rotate_each(points, np.full(len(points), region.pose[2] + each))
         cells[at] = np.floor((turned + middles[at] - origin) / cell)
-    blocks = 2**rules.levels
-    tops = int((-(-(2 * halves + 1) // blocks)).prod(axis=1).sum())
-    if tops > rules.most_nodes:
-        return Found(None, False)
     information = np.linalg.inv(about)
 
     def run(least: int, most_nodes: int, apart: Array) -> tuple[Pose | None, int, int]:
@@ -135,7 +135,7 @@ def _draw(grids, walls, low_x, low_y, cell):
         y = (walls[k, WALL_Y] - low_y) / cell
         along_x, along_y = -walls[k, NORMAL_Y], walls[k, NORMAL_X]
         half = 0.5 * walls[k, LENGTH] / cell
-        steps = int(math.ceil(2.0 * half)) + 1
+        steps = math.ceil(2.0 * half) + 1
         for step in range(steps):
             way = -half + 2.0 * half * step / max(steps - 1, 1)
             at_x, at_y = x + way * along_x, y + way * along_y
