@@ -96,9 +96,14 @@ class OdometryConfig(_Section):
     heading_per_travel_deg: float = Field(default=3.0, gt=0.0, description="sigma of heading after 1 m [deg]")
     heading_per_turn_deg: float = Field(default=6.0, gt=0.0, description="sigma of heading after a turn of 1 rad [deg]")
     speed_m_s: float = Field(
-        default=1.0, gt=0.0, description="source lines: sigma of the speed, of which nothing else is known [m/s]"
+        default=1.0,
+        gt=0.0,
+        description="sigma of the speed, of which nothing else is known; three times it, or the speed that the wheels "
+        "have shown, bound what is taken for a jump of the wheels [m/s]",
     )
-    turn_rate_deg_s: float = Field(default=60.0, gt=0.0, description="source lines: the same of the turn rate [deg/s]")
+    turn_rate_deg_s: float = Field(
+        default=60.0, gt=0.0, description="the same of the turn rate, also for jumps of the wheels [deg/s]"
+    )
     speed_change_m_s: float = Field(
         default=0.5, gt=0.0, description="source lines: sigma of the change of the speed within 1 s [m/s]"
     )

@@ -1,6 +1,7 @@
 """Builds the parts of the pipeline from the configuration, converted to SI units."""
 
 import math
+import sys
 from dataclasses import dataclass
 
 import numpy as np
@@ -17,7 +18,7 @@ from slam.filter.front_end import FrontEnd
 from slam.loop.closer import LoopCloser
 from slam.odometry.cloned_pose import PoseClone
 from slam.odometry.line_odometry import LineOdometry
-from slam.odometry.motion_models import ConstantVelocity, OdometryModel, WheelMotion
+from slam.odometry.motion_models import ConstantVelocity, OdometryModel, WheelMotion, WheelSpeeds
 from slam.rules import SlamRules
 from slam.trust.monitor import TrustMonitor
 
@@ -39,6 +40,13 @@ class CwlfExtractor:
     def __call__(self, scan: LaserScan, sensor: SensorModel) -> Features:
         """See :func:`features.extraction.extract`."""
         return extract(scan, sensor, self.rules)
+
+    def of_whole_walls(self) -> "CwlfExtractor":
+        """Return the extractor that takes no wall apart for what is less than its other rules see.
+
+        The straightness of a wall is tested with the noise; to measure the noise takes walls as rough as they are.
+        """
+        return CwlfExtractor(self.rules.model_copy(update={"straight_level": sys.float_info.min}))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -101,7 +109,8 @@ def line_odometry(
             rules=rules.velocity,
         )
     else:
-        motion = WheelMotion(wheels, rules.wheels)
+        speeds = WheelSpeeds(odometry.speed_m_s, math.radians(odometry.turn_rate_deg_s), rules.velocity)
+        motion = WheelMotion(wheels, speeds, rules.wheels)
     extraction = config.extraction
     sensor = sensor or config.sensor.model()
     line_distance = max(extraction.split_distance_mm * 1e-3, extraction.split_sigmas * sensor.sigma_range)

@@ -75,7 +75,8 @@ class Slam:
         self._associator = associator
         self._back_end = back_end
         use = config.sensor.noise == "measured"
-        self._gauge = NoiseGauge(config.sensor.model(), self._extractor, use=use, rules=rules.noise)
+        whole_walls = extractor or CwlfExtractor(config.extraction).of_whole_walls()
+        self._gauge = NoiseGauge(config.sensor.model(), whole_walls, use=use, rules=rules.noise)
         self._held: list[Frame] = []
         self._clock = StageClock("extract", "odometry", "front_end", "back_end", "loop")
         self._begin()
@@ -198,7 +199,7 @@ class Slam:
         stamp, pose_odom = frame.stamp, self._records.poses_odom[-1]
         if sweep is not None:
             stamp, pose_odom = sweep.stamp, sweep.pose_odom
-            self._estimators.odometry.predict(stamp, pose_odom)
+            self._estimators.odometry.move_to(sweep)
         self._register(stamp, pose_odom, view, sweep)
         association = None
         key_frame_due = self._key_frame_due(view)
@@ -221,7 +222,7 @@ class Slam:
             self._started = Estimators.start(self.config, self._rules, pose_odom_robot, self._associator, self._sensor)
         odometry = self._started.odometry
         odometry.predict(stamp, pose_odom_robot)
-        self._records.add(stamp, pose_odom_robot, odometry.pose)
+        self._records.add(stamp, odometry.pose_odom, odometry.pose)
 
     def _sweep(self, scan: LaserScan | None) -> Sweep | None:
         """Motion during a scan; None where it is not to be undone, or the beams have no times."""
@@ -244,10 +245,9 @@ class Slam:
             return None
         with self._clock.timed("extract"):
             scan = frame.scan if sweep is None else deskew(frame.scan, self._sensor, sweep)
-            view = view_of_scan(scan, self._sensor, self._extractor, sweep)
-            if view.features is not None and (sigma := self._gauge.watch(scan, view.features.lines)) is not None:
+            if (sigma := self._gauge.watch(scan)) is not None:
                 self._monitor.scattered(frame.stamp, sigma, self._sensor.sigma_range)
-            return view
+            return view_of_scan(scan, self._sensor, self._extractor, sweep)
 
     def _register(self, stamp: float, pose_odom: Pose, view: View, sweep: Sweep | None) -> None:
         """Correct odometry by the walls."""
@@ -265,6 +265,8 @@ class Slam:
                 self._monitor.registered(
                     stamp, points.points, odometry.pose, pose_odom, odometry.share, rejected=rejected
                 )
+            if odometry.jumped:
+                self._monitor.jumped(stamp, odometry.share)
             self._monitor.drove(stamp, estimators.since_scan.motion, seen=len(lines) > 0)
             estimators.since_scan.reset()
 

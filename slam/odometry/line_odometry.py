@@ -1,7 +1,7 @@
 """Line-aided odometry: each scan is registered to the walls of the recent key frames."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -11,7 +11,7 @@ from features.scan import LaserScan
 from features.se2 import Array, Pose, between, compose, inverse, rotation, wrap_angle
 from features.sensor import SensorModel
 from slam.errors import DivergedError
-from slam.odometry.beams import beams_through_walls
+from slam.odometry.beams import BEFORE, ON, beams_through_walls, judge_beams
 from slam.odometry.cloned_pose import ClonedPose, PoseClone
 from slam.odometry.deskew import Sweep, doubt_pose, doubt_walls, walls_by_velocity
 from slam.odometry.line_map import LineMap, walls_of_lines
@@ -32,12 +32,14 @@ class RegistrationCounts:
     registered, failed : scans that fitted, and those that did not, where the prediction stands.
     second_attempts : scans that did not fit at once.
     predictions_rejected : scans that fitted where the prediction, so the wheels, did not allow it.
+    odometry_jumps : records whose step no robot can make, so that they were left out.
     """
 
     registered: int = 0
     failed: int = 0
     second_attempts: int = 0
     predictions_rejected: int = 0
+    odometry_jumps: int = 0
 
 
 class LineOdometry:
@@ -56,6 +58,7 @@ class LineOdometry:
     ----------
     counts : what became of the scans.
     stand_found : how many of the latest scans were taken from one place, where the latest one shows it first; else 0.
+    jumped : whether a jump of the wheels was left out between the latest scan and the one before.
     """
 
     def __init__(
@@ -70,7 +73,7 @@ class LineOdometry:
         self._rules = rules
         # For a fit beside the prediction.
         self._near_rules = replace(rules.registration, gate=rules.registration.final_gate)
-        self._prediction_gate = rules.prediction_gate
+        self._prediction_gate, self._beams_gate = rules.prediction_gate, rules.beams_gate
         self._unknown_cov, self._still_variances = rules.unknown_cov, rules.still_variances
         self._drifting = ClonedPose(pose_map_robot)
         self.counts = RegistrationCounts()
@@ -89,11 +92,20 @@ class LineOdometry:
         self.stand_found = 0
         self._since_stand = self._drifting.clone()
         self._fit: Registration | None = None
+        self._velocity: Array = np.zeros(3)
+        self._jumps = 0
+        self.jumped = False
+        self._pose_log_scan = pose_map_robot
 
     @property
     def pose(self) -> Pose:
         """Pose of the robot, map frame, shape (3,)."""
         return self._drifting.pose
+
+    @property
+    def pose_odom(self) -> Pose:
+        """Latest pose of the wheels without the jumps that were left out, odom frame, shape (3,)."""
+        return self._motion.pose_odom
 
     @property
     def scan(self) -> ScanPoints | None:
@@ -122,9 +134,14 @@ class LineOdometry:
         DivergedError
             The pose or its covariance is no longer finite.
         """
-        self._drifting.move(*self._motion.step(stamp, pose_odom_robot))
+        self._drifting.move(*self._motion.record(stamp, pose_odom_robot))
+        self.counts.odometry_jumps = len(self._motion.jumps)
         if not self._drifting.finite:
             raise DivergedError("the pose or its covariance is no longer finite: look at the odometry")
+
+    def move_to(self, sweep: Sweep) -> None:
+        """Move to the middle of a sweep, back or on from the latest record."""
+        self._drifting.move(*self._motion.step(sweep.stamp, sweep.pose_odom))
 
     def sweep(self, scan: LaserScan, stamps: Sequence[float], poses_odom: Sequence[Pose]) -> Sweep | None:
         """Motion during a scan, by the records so far and what was learned of it; None where its beams have no times.
@@ -141,6 +158,8 @@ class LineOdometry:
 
     def set_scan(self, scan: LaserScan, lines: Lines, sweep: Sweep | None = None) -> ScanPoints:
         """Remember the points of a scan and its lines, sensor frame, without a correction."""
+        jumps = self.counts.odometry_jumps
+        self.jumped, self._jumps = jumps > self._jumps, jumps
         mounting = self._sensor.mounting
         walls_robot = walls_of_lines(lines, mounting)
         self._doubt = np.zeros((3, 3))
@@ -161,15 +180,19 @@ class LineOdometry:
         sweep : motion during the scan, whose doubt enters the covariance; None where it took no time.
         """
         points = self.set_scan(scan, lines, sweep)
+        elapsed = 0.0 if math.isinf(self._stamp) else stamp - self._stamp
         self._stamp = stamp
         if self._rest(stamp):
             return points
-        self._fit = self._match(points) if len(self._map.walls) else None
+        self._fit = self._match(points, elapsed) if len(self._map.walls) else None
         if self._fit is not None and not self._stationary:
             self._drifting.correct(*self._doubted(self._fit))
             self._since_correction.reset()
         if self._motion.learn(stamp, self._since_learned):
             self._since_learned.reset()
+        if self._fit is not None and elapsed > 0.0:
+            self._velocity = self._since_scan.motion / elapsed
+        self._pose_log_scan = self._motion.pose_log
         self._since_scan.reset()
         if self._stand.began:
             self._since_stand.reset()
@@ -204,6 +227,7 @@ class LineOdometry:
             self.stand_found = len(stand)
         self._since_learned.reset()
         self._since_scan.reset()
+        self._velocity = np.zeros(3)
         return True
 
     def _doubted(self, fit: Registration) -> tuple[Array, Array]:
@@ -228,11 +252,20 @@ class LineOdometry:
             return
         self._map.add(self._scan.walls_robot, self._drifting.pose)
 
-    def _match(self, scan: ScanPoints) -> Registration | None:
+    def _match(self, scan: ScanPoints, elapsed: float) -> Registration | None:
         """Register a scan with the prediction as prior; if it does not fit, with a wide prior."""
         drifting, rules = self._drifting, self._rules
         fit = register(scan, self._map.walls, drifting.pose, drifting.cov, drifting.pose, rules.registration)
+        other = self._match_otherwise(scan, fit, elapsed)
+        if other is not None:
+            self.counts.predictions_rejected += 1
+            self.counts.registered += 1
+            return other
         beside = self._beside(scan, fit)
+        if fit is beside and fit.share < rules.sure_share and self._beams_prefer(scan, drifting.pose, fit):
+            # What is near and has a short lever has turned the pose away from walls that are far.
+            fit = self._near(scan)
+            beside = None if self._beams_prefer(scan, drifting.pose, fit) else self._beside(scan, fit)
         if fit.share < rules.sure_share:
             self.counts.second_attempts += 1
             other, origin = self._match_anywhere(scan)
@@ -258,13 +291,63 @@ class LineOdometry:
         self.counts.registered += 1
         return fit
 
+    def _match_otherwise(self, scan: ScanPoints, fit: Registration, elapsed: float) -> Registration | None:
+        """Return the registration by another hypothesis of what the wheels did, if the beams prefer it to ``fit``.
+
+        Walls along a jump of the wheels fit wherever it leads: the share of the points on walls does not tell. Beams do
+        that end on a wall at the one pose, and go through it or end before it at the other (eq. M91).
+        """
+        walls, rules = self._map.walls, self._rules
+        cov = self._drifting.cov + self._unknown_cov
+        best, origin_of_best = fit, self._drifting.pose
+        for origin in self._hypotheses(elapsed):
+            other = register(scan, walls, origin, cov, origin, rules.registration)
+            if _distance2(other, origin) <= self._prediction_gate and self._explains_better(scan, other, best):
+                best, origin_of_best = other, origin
+        if best is fit:
+            return None
+        self._drifting.move(between(self._drifting.pose, origin_of_best), self._unknown_cov)
+        return best
+
+    def _hypotheses(self, elapsed: float) -> Iterator[Pose]:
+        """Poses where the robot is if it went on as before, and if what was left out as a jump was driven."""
+        rules, drifting = self._rules, self._drifting
+        last = compose(drifting.pose, inverse(self._since_scan.motion))
+        steady = compose(last, self._velocity * elapsed)
+        x, y, turn = between(steady, drifting.pose).tolist()
+        if math.hypot(x, y) > rules.surprise_position or abs(turn) > rules.surprise_heading:
+            yield steady
+        if self.jumped:
+            yield compose(last, between(self._pose_log_scan, self._motion.pose_log))
+
+    def _explains_better(self, scan: ScanPoints, other: Registration, fit: Registration) -> bool:
+        """Whether a registration explains a scan better than ``fit``, by the share and by the beams."""
+        if other.share <= fit.share:
+            return False
+        if fit.share < self._rules.least_share:
+            return other.share >= self._rules.sure_share
+        return self._beams_prefer(scan, other.pose_map_robot, fit)
+
+    def _beams_prefer(self, scan: ScanPoints, pose_map_robot: Pose, fit: Registration) -> bool:
+        """Whether the beams that end on a wall at one of two poses only prefer another pose to ``fit`` (eq. M91)."""
+        walls, rules = self._map.walls, self._rules.beams
+        here, there = (judge_beams(scan, walls, each, rules) for each in (fit.pose_map_robot, pose_map_robot))
+        gained = int(((there == ON) & (here >= BEFORE)).sum())
+        lost = int(((here == ON) & (there >= BEFORE)).sum())
+        return gained > lost and (gained - lost) ** 2 > self._beams_gate * (gained + lost)
+
     def _beside(self, scan: ScanPoints, fit: Registration) -> Registration | None:
         """Registration inside the gate of the prediction: ``fit``, else one with a narrow gate; None if neither is."""
         drifting = self._drifting
         if _distance2(fit, drifting.pose) <= self._prediction_gate:
             return fit
-        near = register(scan, self._map.walls, drifting.pose, drifting.cov, drifting.pose, self._near_rules)
+        near = self._near(scan)
         return near if _distance2(near, drifting.pose) <= self._prediction_gate else None
+
+    def _near(self, scan: ScanPoints) -> Registration:
+        """Registration at the prediction with a narrow gate."""
+        drifting = self._drifting
+        return register(scan, self._map.walls, drifting.pose, drifting.cov, drifting.pose, self._near_rules)
 
     def _fits_better(self, scan: ScanPoints, other: Registration, beside: Registration | None) -> bool:
         """Whether the registration away from the prediction is better than the one near it.

@@ -55,6 +55,10 @@ def _associate_walls(
     beams[:] = 0.0
     knowledge[:] = 0.0
     n = directions.size
+    met = np.empty(n, np.int64)
+    residuals = np.empty(n)
+    turnings = np.empty(n)
+    met_by_line = np.zeros(len(knowledge), np.int64)
     c = math.cos(pose[2])
     s = math.sin(pose[2])
     for i in range(n):
@@ -80,6 +84,7 @@ def _associate_walls(
         certain_offset = 1.0 / walls[k, VAR_OFFSET]
         certain_angle = 1.0 / walls[k, VAR_ANGLE]
         begin, end = beams_on_wall(directions, arm_x, arm_y, normal_x, normal_y, half, c, s)
+        count = 0
         for m in range(begin, end):
             i = m if m < n else m - n
             x = turned[i, 0]
@@ -92,11 +97,24 @@ def _associate_walls(
             facing = normal_x * turned[i, 2] + normal_y * turned[i, 3]
             if facing < (cos_turn if line >= 0 else cos_surface_turn):
                 continue
+            met[count] = i
+            residuals[count] = residual
+            turnings[count] = turning
+            count += 1
+            if line >= 0:
+                met_by_line[line] += 1
+        for j in range(count):
+            i = met[j]
+            residual = residuals[j]
+            turning = turnings[j]
+            line = lines[i]
+            # All that meets a wall shares what is known of it.
+            part = (met_by_line[line] if line >= 0 else 1) / count
             arm = turning - lever_center
             variance = walls[k, VAR_OFFSET] + walls[k, VAR_ANGLE] * arm * arm
             # The Cauchy kernel, times the inverse of the variance.
             weight = kernel2 / (kernel2 * (variance + var_scatter) + residual * residual)
-            robust = weight * (variance + var_scatter)
+            robust = part * weight * (variance + var_scatter)
             beams[i, WEIGHT] += weight
             beams[i, JACOBIAN_X] += weight * normal_x
             beams[i, JACOBIAN_Y] += weight * normal_y
@@ -108,6 +126,9 @@ def _associate_walls(
                 knowledge[line, 2] += robust * (certain_offset * lever_center * lever_center + certain_angle)
             else:
                 beams[i, CERTAINTY] += robust / variance
+        for j in range(count):
+            if lines[met[j]] >= 0:
+                met_by_line[lines[met[j]]] = 0
 
 
 @inner(fastmath=SUMS, forceinline=True)

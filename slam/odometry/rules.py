@@ -116,18 +116,20 @@ class CalibrationRules:
 
 @dataclass(frozen=True, slots=True)
 class VelocityRules:
-    """How the velocity of a robot without wheels is kept (eq. M34-M35).
+    """How the velocity of a robot without wheels is kept (eq. M34-M35), and how fast no robot is (eq. M90).
 
     Parameters
     ----------
     weight : of the latest interval in what is known of the intervals of a scanner.
     gap : a longer interval between scans is a gap, and counts for no more than this [s].
-    fastest : velocity, in sigmas, beyond which a stamp or a scan was wrong and nothing is known of the velocity.
+    fastest : velocity, in sigmas, beyond which a stamp, a scan or a record of the wheels was wrong.
+    sustained : records in a row whose median velocity the wheels have shown.
     """
 
     weight: float = 0.05
     gap: float = 1.0
     fastest: float = 3.0
+    sustained: int = 5
 
 
 @dataclass(frozen=True, slots=True)
@@ -165,6 +167,9 @@ class LineOdometryRules:
     prediction : probability that a result lies as near to a prediction that is right as it has to.
     unknown_position, unknown_heading : sigma of a motion of which nothing is known [m, rad].
     headings : turns from the predicted heading from which further attempts start [rad].
+    no_chance : probability that beams of which each pose explains half tell less for one of them.
+    surprise_position, surprise_heading : difference of the prediction from a steady motion with which the latter is
+        tried too [m, rad].
     far : motion since the last scan beyond which further attempts start from there too [m].
     still_position, still_heading : sigma up to which a motion is known so well that it needs no scan [m, rad].
     """
@@ -180,6 +185,9 @@ class LineOdometryRules:
     unknown_position: float = 0.3
     unknown_heading: float = math.radians(20.0)
     headings: tuple[float, ...] = tuple(math.radians(turn) for turn in (0.0, -8.0, 8.0, -16.0, 16.0))
+    no_chance: float = 0.99
+    surprise_position: float = 0.15
+    surprise_heading: float = math.radians(8.0)
     far: float = 0.3
     still_position: float = 0.005
     still_heading: float = math.radians(0.3)
@@ -188,6 +196,11 @@ class LineOdometryRules:
     def prediction_gate(self) -> float:
         """Squared Mahalanobis distance of a result from the prediction beyond which the latter is doubted (eq. M64)."""
         return float(chi2.ppf(self.prediction, 3))
+
+    @property
+    def beams_gate(self) -> float:
+        """Square of the excess of beams for another pose, over their number, that is no chance (eq. M64, M91)."""
+        return float(chi2.ppf(self.no_chance, 1))
 
     @property
     def unknown_cov(self) -> Array:

@@ -43,7 +43,7 @@ class Records:
     Attributes
     ----------
     stamps : of the records [s].
-    poses_odom : their odometry poses from the log, odom frame, shape (3,) each.
+    poses_odom : their odometry poses from the log without its jumps, odom frame, shape (3,) each.
     """
 
     def __init__(self, *, has_odometry: bool = True) -> None:

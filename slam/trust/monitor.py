@@ -104,6 +104,15 @@ class TrustMonitor:
         if seen:
             self._travel = self._turn = 0.0
 
+    def jumped(self, stamp: float, share: float | None) -> None:
+        """Judge a scan behind a jump of the odometry, by the share of its points that lie on known walls, if any."""
+        if share is None or share < self._sure_share:
+            self._add_reason(
+                "jump", stamp,
+                "the odometry jumped, and no scan tells how far the robot went meanwhile: what follows may lie "
+                "anywhere relative to what came before; look at the odometry",
+            )  # fmt: skip
+
     def registered(
         self, stamp: float, points: Array, pose_map: Pose, pose_odom: Pose, share: float | None, *, rejected: bool
     ) -> None:

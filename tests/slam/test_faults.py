@@ -70,6 +70,23 @@ def wheels_lost() -> Scene:
     ], poses
 
 
+def wheels_restarted() -> Scene:
+    frames, poses = unharmed()
+    zero = frames[BEGIN].pose_odom_robot
+    anew = [replace(frame, pose_odom_robot=between(zero, frame.pose_odom_robot)) for frame in frames[BEGIN:]]
+    return frames[:BEGIN] + anew, poses
+
+
+def wheels_restarted_unseen() -> Scene:
+    """The same, and for ten seconds the scans show nothing."""
+    frames, poses = wheels_restarted()
+    blind = [
+        replace(frame, scan=without_returns(frame.scan)) if frame.scan is not None and BEGIN <= record < END else frame
+        for record, frame in enumerate(frames)
+    ]
+    return blind, poses
+
+
 def records_missing() -> Scene:
     frames, poses = unharmed()
     return frames[:BEGIN] + frames[END:], np.concatenate([poses[:BEGIN], poses[END:]])
@@ -161,6 +178,23 @@ def test_wheels_that_stand_still_for_ten_seconds_do_no_harm_and_are_told(scene: 
     result, error = run(scene())
     assert error < 0.05
     assert "odometry" in said(result)
+
+
+@pytest.mark.slow
+def test_odometry_that_starts_anew_does_no_harm_and_is_told_in_one_line(caplog: pytest.LogCaptureFixture) -> None:
+    result, error = run(wheels_restarted())
+    assert error < 0.02
+    assert result.metrics.trust.ok
+    assert result.metrics.registrations.odometry_jumps == 1
+    assert [record.levelno for record in caplog.records if "jumped" in record.message] == [logging.WARNING]
+
+
+@pytest.mark.slow
+def test_odometry_that_starts_anew_while_no_scan_shows_anything_is_a_reason_at_once() -> None:
+    scene = wheels_restarted_unseen()
+    result, _ = run(scene)
+    assert said(result)[0] == "jump"
+    assert scene[0][BEGIN].stamp <= result.metrics.trust.reasons[0].stamp <= scene[0][BEGIN].stamp + 0.1 + 1e-6
 
 
 @pytest.mark.slow

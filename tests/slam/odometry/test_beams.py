@@ -12,7 +12,7 @@ from shapely import LineString
 from features.se2 import compose, transform
 from features.sensor import Mounting
 from sim.worlds.built_in.demo_room import room
-from slam.odometry.beams import beams_through_walls
+from slam.odometry.beams import BEFORE, ON, THROUGH, UNKNOWN, beams_through_walls, judge_beams
 from slam.odometry.line_map import CENTER, LENGTH, NORMAL_X, NORMAL_Y, WALL_FIELDS, WALL_X, WALL_Y
 from slam.odometry.rules import BeamRules
 from slam.odometry.scan_points import ScanPoints
@@ -79,3 +79,21 @@ def test_from_where_it_is_no_beam_goes_through_a_wall_but_from_beside_many_do(se
     assert beams_through_walls(scan, walls, poses[1]) <= 2
     beside = compose(poses[1], np.array([0.0, 0.5, 0.2]))
     assert beams_through_walls(scan, walls, beside) > 20
+
+
+@pytest.mark.parametrize(
+    ("ends_at", "judged"),
+    [(2.0, ON), (2.1, ON), (1.9, ON), (2.2, UNKNOWN), (1.8, UNKNOWN), (2.5, THROUGH), (1.5, BEFORE)],
+)
+def test_a_beam_is_judged_by_where_it_ends(ends_at, judged):
+    """A wall across, two metres ahead; nothing is known beside it."""
+    scan = scan_of(np.array([ends_at, 1.0]), np.array([0.0, 1.5]), Mounting())
+    walls = walls_between(np.array([[2.0, -1.0, 2.0, 1.0]]))
+    np.testing.assert_array_equal(judge_beams(scan, walls, np.zeros(3)), [judged, UNKNOWN])
+
+
+def test_a_beam_on_a_wall_goes_through_none_and_ends_before_none():
+    """As seen through a door whose leaf was known closed, and with a cupboard before the wall."""
+    scan = scan_of(np.array([2.0]), np.array([0.0]), Mounting())
+    walls = walls_between(np.array([[x, -1.0, x, 1.0] for x in (1.0, 2.0, 3.0)]))
+    np.testing.assert_array_equal(judge_beams(scan, walls, np.zeros(3)), [ON])

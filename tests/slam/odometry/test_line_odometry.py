@@ -1,6 +1,7 @@
 """Line-aided odometry of simulated robots: consistent increments, with and without wheels, and what is not believed."""
 
 import copy
+import dataclasses
 import math
 from dataclasses import astuple
 from functools import cache
@@ -8,7 +9,7 @@ from functools import cache
 import numpy as np
 import pytest
 from places import DATA
-from registration_scenes import CONFIG, CORRIDOR, LIDAR, LINE_DISTANCE, SENSOR, corridor_run
+from registration_scenes import CONFIG, CORRIDOR, LIDAR, LINE_DISTANCE, SENSOR, WHEELS, corridor_run
 from scipy.stats import chi2
 
 from drivers.carmen.log import CarmenLog
@@ -16,11 +17,14 @@ from drivers.frame import Frame
 from features.extraction import extract
 from features.scan import LaserScan
 from features.se2 import between, compose, pose, wrap_angle
-from sim import room_run
+from sim import SimulatedRun, World, room_run
+from sim.motion.jumping_odometry import JumpingOdometry
+from sim.motion.robot import Robot
 from sim.worlds.built_in.demo_room import room
 from slam.config import SlamConfig
 from slam.errors import DivergedError
 from slam.evaluation.relations import Relations, read_relations, relations
+from slam.odometry.beams import BEFORE, ON, THROUGH, UNKNOWN
 from slam.odometry.line_odometry import LineOdometry
 from slam.odometry.registration import Registration, register
 from slam.parts import line_odometry
@@ -104,19 +108,104 @@ def test_increments_along_a_bare_corridor_are_consistent_and_the_prior_s():
     assert np.median(largest) == pytest.approx(0.05 * math.sqrt(0.3), rel=0.25)
 
 
-def test_a_jump_of_the_odometry_is_not_believed():
-    run = room_run(3)
-    frames = []
-    for index, frame in enumerate(run):
-        if index == 1200:
-            break
-        jumped = compose(pose(1.5, -0.8, 0.4), frame.pose_odom_robot) if index >= 600 else frame.pose_odom_robot
-        frames.append(Frame(frame.stamp, jumped, frame.scan))
-    _, _, odometry = follow(frames, run.poses_world_robot[:1200], config_of(run))
-    error = odometry.pose - run.poses_world_robot[1199]
-    assert np.hypot(*error[:2]) < 0.03
+def box_run(jump, every, lidar=LIDAR):
+    """There and back in a box of 6 m by 4 m, of every n-th record of 50 a second; the wheels jump on the way."""
+    box = World.from_polygons("box", [[(0, 0), (6, 0), (6, 4), (0, 4)]])
+    drive = Robot().drive([(1.2, 1.2), (4.6, 1.6), (4.6, 2.9)], 50.0 / every)
+    odometry = JumpingOdometry(WHEELS, len(drive.stamps) // 2, jump)
+    return SimulatedRun("box", box, lidar, "rplidar-s1", drive, odometry, 4)
+
+
+HALF_SEEN = dataclasses.replace(LIDAR, angles=np.radians(np.arange(-90.0, 90.0, 0.5)))
+
+QUARTER = math.pi / 2
+JUMPS = [pose(0.7), pose(-0.7), pose(0.0, 0.7), pose(0.0, -0.7), pose(0.0, 0.0, QUARTER), pose(5.0, 0.0, -1.0), None]
+
+
+@pytest.mark.parametrize("jump", JUMPS)
+@pytest.mark.parametrize("every", [1, 5])
+def test_a_step_that_no_robot_makes_is_left_out(jump, every):
+    run = box_run(jump, every)
+    _, _, odometry = followed(run)
+    error = odometry.pose - run.poses_world_robot[-1]
+    assert np.hypot(*error[:2]) < 0.02
     assert abs(wrap_angle(error[2])) < math.radians(0.3)
+    assert odometry.counts.odometry_jumps == 1
+
+
+@pytest.mark.parametrize("jump", JUMPS[:5])
+@pytest.mark.parametrize("lidar", [LIDAR, HALF_SEEN], ids=["all round", "ahead"])
+def test_a_step_that_a_fast_robot_could_make_is_denied_by_the_beams(jump, lidar):
+    """The walls along the step fit wherever it leads: all that is seen of the others tells."""
+    run = box_run(jump, 5, lidar)
+    _, _, odometry = followed(run, speed_m_s=100.0, turn_rate_deg_s=1e4)
+    assert np.hypot(*(odometry.pose - run.poses_world_robot[-1])[:2]) < 0.02
+    assert odometry.counts.odometry_jumps == 0
     assert odometry.counts.predictions_rejected >= 1
+
+
+def test_a_step_that_was_driven_is_found_again_where_it_was_taken_for_a_jump():
+    """The records stop for a while, and so does their clock: the stamps tell of no time in which to drive that far."""
+    run = box_run(pose(), 5)
+    frames, truths = list(run), list(run.poses_world_robot)
+    begin, end = 20, 35
+    waited = frames[end].stamp - frames[begin].stamp
+    late = [dataclasses.replace(frame, stamp=frame.stamp - waited) for frame in frames[end + 1 :]]
+    _, _, odometry = follow(frames[: begin + 1] + late, truths[: begin + 1] + truths[end + 1 :], config_of(run))
+    assert odometry.counts.odometry_jumps == 1
+    assert odometry.counts.predictions_rejected >= 1
+    assert np.hypot(*(odometry.pose - truths[-1])[:2]) < 0.02
+
+
+@pytest.mark.parametrize(
+    ("gained", "lost", "preferred"), [(7, 0, True), (6, 0, False), (0, 7, False), (25, 8, True), (20, 8, False)]
+)
+def test_beams_prefer_the_pose_that_fewer_of_them_contradict(monkeypatch, gained, lost, preferred):
+    """Eq. M91 with the quantile 6.63; beams that are judged alike, or of which nothing is known, do not count."""
+    alike = [ON] * 9 + [THROUGH] * 9 + [UNKNOWN] * 9
+    here = np.array([THROUGH, BEFORE] * gained + [ON] * lost + alike)[gained:]
+    there = np.array([ON] * gained + [BEFORE] * lost + alike)
+    fit, other = (Registration(pose(x), np.eye(3), np.zeros(3), share) for x, share in ((0.0, 0.6), (1.0, 0.7)))
+    odometry = copy.deepcopy(_under_way()[0])
+
+    def judge_beams(scan, walls, pose_map_robot, rules):
+        return there if pose_map_robot[0] else here
+
+    monkeypatch.setattr("slam.odometry.line_odometry.judge_beams", judge_beams)
+    assert odometry._beams_prefer(odometry.scan, other.pose_map_robot, fit) == preferred
+    assert odometry._explains_better(odometry.scan, other, fit) == preferred
+    assert not odometry._explains_better(odometry.scan, dataclasses.replace(other, share=0.6), fit)
+
+
+@pytest.mark.parametrize("turn_deg", [10.4, -10.4])
+@pytest.mark.parametrize(("share", "believed"), [(0.3, False), (0.6, True)])
+def test_little_that_fits_does_not_turn_the_robot_away_from_long_walls(monkeypatch, turn_deg, share, believed):
+    """A first look is turned by something near, inside of the gate of the wheels and with a claim of 0.1 deg.
+
+    The walls of the room, seen from where the wheels say, contradict it. They are asked where little fits.
+    """
+    here, turn = pose(2.2, 1.7, 0.6), math.radians(turn_deg)
+    scan = LIDAR.scan(room(), here, 0.0, np.random.default_rng(9))
+    lines = extract(scan, SENSOR, CONFIG.extraction).lines
+    motion = Told((pose(), np.zeros((3, 3))), (pose(), np.diag([0.02, 0.02, math.radians(4.0)]) ** 2))
+    odometry = LineOdometry(here, motion, SENSOR, LINE_DISTANCE, 1)
+    odometry.predict(0.0, pose())
+    odometry.register(0.0, scan, lines)
+    odometry.add_key_frame()
+    looks = []
+
+    def feign(*arguments):
+        looks.append(register(*arguments))
+        information = np.diag([1e4, 1e4, math.radians(0.1) ** -2])
+        turned = Registration(here + pose(0.0, 0.0, turn), information, information @ pose(0.0, 0.0, turn), share)
+        return turned if len(looks) == 1 else looks[-1]
+
+    monkeypatch.setattr("slam.odometry.line_odometry.register", feign)
+    odometry.predict(1.0, pose())
+    odometry.register(1.0, scan, lines)
+    assert odometry.counts.registered == 1
+    turned = math.degrees(wrap_angle(float(odometry.pose[2] - here[2])))
+    assert turned == pytest.approx(turn_deg if believed else 0.0, abs=0.3)
 
 
 @pytest.mark.slow
@@ -182,8 +271,9 @@ class Told:
 
     def __init__(self, *motions):
         self._motions = iter(motions)
+        self.jumps, self.pose_odom, self.pose_log = [], pose(), pose()
 
-    def step(self, stamp, pose_odom_robot):
+    def record(self, stamp, pose_log_robot):
         return next(self._motions)
 
     def learn(self, stamp, since):
@@ -245,7 +335,7 @@ def test_a_scan_is_believed_against_the_prediction_only_where_it_fits_better(mon
     scan = next(frame.scan for frame in reversed(frames) if frame.scan is not None)
     config = config_of(run)
     # A motion, as a scan from where the last one was taken is left out.
-    odometry.predict(frames[-1].stamp + 0.1, compose(frames[-1].pose_odom_robot, np.array([0.2, 0.0, 0.0])))
+    odometry.predict(frames[-1].stamp + 0.4, compose(frames[-1].pose_odom_robot, np.array([0.2, 0.0, 0.0])))
     predicted = odometry.pose
     looks = iter([(0.8, 0.7), (0.001, near), (0.8, far)])
 
@@ -257,7 +347,7 @@ def test_a_scan_is_believed_against_the_prediction_only_where_it_fits_better(mon
         return Registration(prior + moved, information, pull, share)
 
     monkeypatch.setattr("slam.odometry.line_odometry.register", register)
-    odometry.register(frames[-1].stamp + 0.1, scan, extract(scan, config.sensor.model(), config.extraction).lines)
+    odometry.register(frames[-1].stamp + 0.4, scan, extract(scan, config.sensor.model(), config.extraction).lines)
     assert next(looks, None) is None
     moved = float(np.hypot(*(odometry.pose - predicted)[:2]))
     assert moved == pytest.approx({"slipped": 0.8, "near": 0.001, "failed": 0.0}[outcome], abs=0.01)
@@ -277,7 +367,7 @@ def test_what_looks_more_alike_elsewhere_is_believed_where_fewer_beams_go_throug
     frames = [frame for _, frame in zip(range(100), run, strict=False)]
     _, _, odometry = follow(frames, run.poses_world_robot[:100], config_of(run))
     scan = next(frame.scan for frame in reversed(frames) if frame.scan is not None)
-    odometry.predict(frames[-1].stamp + 0.1, compose(frames[-1].pose_odom_robot, np.array([0.2, 0.0, 0.0])))
+    odometry.predict(frames[-1].stamp + 0.4, compose(frames[-1].pose_odom_robot, np.array([0.2, 0.0, 0.0])))
     predicted = odometry.pose
     looks = iter([(distance, 0.3)])
 
@@ -294,7 +384,7 @@ def test_what_looks_more_alike_elsewhere_is_believed_where_fewer_beams_go_throug
     monkeypatch.setattr("slam.odometry.line_odometry.register", register)
     monkeypatch.setattr("slam.odometry.line_odometry.beams_through_walls", beams_through_walls)
     sensor = config_of(run).sensor.model()
-    odometry.register(frames[-1].stamp + 0.1, scan, extract(scan, sensor, config_of(run).extraction).lines)
+    odometry.register(frames[-1].stamp + 0.4, scan, extract(scan, sensor, config_of(run).extraction).lines)
     moved = float(np.hypot(*(odometry.pose - predicted)[:2]))
     assert moved == pytest.approx(0.8 if believed else 0.01, abs=0.02)
     assert odometry.counts.predictions_rejected == believed
@@ -356,10 +446,10 @@ def scanned_after(motion, monkeypatch, register_):
     """
     odometry, last, scan, config = copy.deepcopy(_under_way())
     anchor = odometry.clone()
-    odometry.predict(last.stamp + 0.1, compose(last.pose_odom_robot, motion))
+    odometry.predict(last.stamp + 0.4, compose(last.pose_odom_robot, motion))
     predicted = odometry.pose, anchor.motion_cov
     monkeypatch.setattr("slam.odometry.line_odometry.register", register_)
-    odometry.register(last.stamp + 0.1, scan, extract(scan, config.sensor.model(), config.extraction).lines)
+    odometry.register(last.stamp + 0.4, scan, extract(scan, config.sensor.model(), config.extraction).lines)
     return odometry, anchor, predicted
 
 

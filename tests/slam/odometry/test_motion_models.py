@@ -5,9 +5,9 @@ import math
 import numpy as np
 import pytest
 
-from features.se2 import between, pose
+from features.se2 import between, compose, pose
 from slam.odometry.cloned_pose import ClonedPose
-from slam.odometry.motion_models import ConstantVelocity, OdometryModel, WheelMotion, taken_back
+from slam.odometry.motion_models import ConstantVelocity, OdometryModel, WheelMotion, WheelSpeeds, taken_back
 
 MODEL = OdometryModel(position_per_travel=0.05, position_per_turn=0.03, heading_per_travel=0.02, heading_per_turn=0.05)
 
@@ -20,7 +20,7 @@ def test_covariance_is_that_of_the_formula():
 
 
 def test_wheels_tell_the_motion_between_records():
-    wheels = WheelMotion(MODEL)
+    wheels = WheelMotion(MODEL, WheelSpeeds(10.0, 100.0))
     first, second = pose(1.0, 2.0, 3.0), pose(1.3, 1.8, -3.0)
     motion, cov = wheels.step(0.0, first)
     np.testing.assert_array_equal(motion, np.zeros(3))
@@ -42,7 +42,7 @@ def test_a_step_back_takes_back_what_was_appended():
 
 
 def driven_by_wheels(records):
-    drifting, wheels = ClonedPose(pose()), WheelMotion(MODEL)
+    drifting, wheels = ClonedPose(pose()), WheelMotion(MODEL, WheelSpeeds(10.0, 100.0))
     drifting.move(pose(0.3, 0.1, 0.4), 1e-4 * np.eye(3))
     return driven_on((drifting, wheels, drifting.clone()), records)
 
@@ -55,7 +55,7 @@ def driven_on(of, records):
 
 
 def test_a_step_back_behind_the_last_scan_is_a_motion_with_errors_of_its_own():
-    wheels = WheelMotion(MODEL)
+    wheels = WheelMotion(MODEL, WheelSpeeds(10.0, 100.0))
     wheels.step(0.1, pose(1.0))
     wheels.learn(0.1, since_scan(pose()))
     motion, cov = wheels.step(0.08, pose(0.9))
@@ -91,6 +91,82 @@ def test_without_wheels_a_step_back_takes_back_too(turn):
     motion, cov = source.step(0.05, pose())
     assert np.isfinite(motion).all()
     assert np.isfinite(cov).all()
+
+
+def driven(wheels, records):
+    """Motions by the wheels between records of stamp and pose."""
+    return [wheels.record(stamp, pose_odom)[0] for stamp, pose_odom in records]
+
+
+def steady(speed, count, interval=0.02, start=0.0):
+    """Records of a straight drive [m/s]."""
+    return [(start + interval * k, pose(speed * interval * k)) for k in range(count)]
+
+
+@pytest.mark.parametrize("step", [pose(0.3), pose(-0.3), pose(0.0, 0.3), pose(0.0, 0.0, 1.6), pose(5.0, 0.0, -1.6)])
+def test_a_step_that_no_robot_makes_is_left_out_and_the_robot_goes_on(step):
+    """The motion and the pose of the wheels go on as if nothing had happened, with a covariance of a step unknown."""
+    records = steady(0.5, 100)
+    jumped = [(stamp, compose(compose(records[60][1], step), between(records[60][1], at)) if k >= 60 else at)
+              for k, (stamp, at) in enumerate(records)]  # fmt: skip
+    wheels = WheelMotion(MODEL, WheelSpeeds(1.0, 1.0))
+    np.testing.assert_allclose(driven(wheels, jumped)[1:], np.tile(pose(0.01), (99, 1)), atol=1e-12)
+    np.testing.assert_allclose(wheels.pose_odom, records[-1][1], atol=1e-12)
+    assert [jump.stamp for jump in wheels.jumps] == [records[60][0]]
+    _, cov = WheelSpeeds(1.0, 2.0).expected(0.02)
+    np.testing.assert_allclose(np.sqrt(np.diag(cov)), [0.02, 0.02, 0.04])
+
+
+def test_steps_to_the_middle_of_sweeps_are_not_judged_and_a_jump_beside_them_is_left_out():
+    """Back to the middle of each sweep and on again: the same jump, the same motion, the poses free of it."""
+    records = steady(0.5, 100)
+    jumped = [(stamp, compose(pose(1.0, 2.0, 0.5), at) if k >= 60 else at) for k, (stamp, at) in enumerate(records)]
+    wheels, drifting = WheelMotion(MODEL, WheelSpeeds(1.0, 1.0)), ClonedPose(pose())
+    for k, record in enumerate(jumped):
+        drifting.move(*wheels.record(*record))
+        np.testing.assert_allclose(wheels.pose_odom, records[k][1], atol=1e-12)
+        if k > 1:
+            middle, behind = record[0] - 0.013, wheels.pose_log
+            drifting.move(*wheels.step(middle, pose(0.5 * middle)))
+            np.testing.assert_allclose(between(behind, wheels.pose_log), pose(-0.0065), atol=1e-12)
+            wheels.learn(middle, since_scan(pose()))
+    np.testing.assert_allclose(drifting.pose, pose(0.5 * middle), atol=1e-9)
+    assert [jump.stamp for jump in wheels.jumps] == [records[60][0]]
+    assert np.linalg.eigvalsh(drifting.cov).min() > 0.0
+
+
+def test_wheels_that_start_anew_at_zero_jump_once():
+    records = steady(0.5, 200)
+    anew = records[:150] + [(stamp, pose(at[0] - records[150][1][0])) for stamp, at in records[150:]]
+    wheels = WheelMotion(MODEL, WheelSpeeds(1.0, 1.0))
+    np.testing.assert_allclose(sum(driven(wheels, anew))[0], records[-1][1][0], atol=1e-9)
+    assert len(wheels.jumps) == 1
+
+
+def test_a_fast_robot_is_believed_once_it_has_shown_its_speed():
+    """Ten times as fast as configured, from standing: after some records no jump any more; a jump still is."""
+    wheels = WheelMotion(MODEL, WheelSpeeds(1.0, 1.0))
+    driven(wheels, steady(0.0, 50, start=-1.0))
+    motions = driven(wheels, steady(10.0, 60))
+    assert 1 <= len(wheels.jumps) <= 3
+    np.testing.assert_allclose(motions[10:], np.tile(pose(0.2), (50, 1)), atol=1e-12)
+    wheels.record(1.2, pose(12.0 + 5.0))
+    assert wheels.jumps[-1].stamp == 1.2
+
+
+def test_records_that_come_in_bursts_do_not_jump():
+    """Of each ten records nine come at once, as in logs that were written late: the stamps tell no speed."""
+    rng = np.random.default_rng(3)
+    at = np.cumsum(rng.uniform(0.0, 0.06, 500))
+    stamps = [0.1 * 10 * (k // 10 + 1) + 1e-3 * (k % 10) for k in range(500)]
+    wheels = WheelMotion(MODEL, WheelSpeeds(1.0, 1.0))
+    driven(wheels, list(zip(stamps, (pose(x) for x in at), strict=True)))
+    assert not wheels.jumps
+
+
+def test_records_of_one_stamp_tell_no_speed():
+    wheels = WheelMotion(MODEL, WheelSpeeds(1.0, 1.0))
+    np.testing.assert_array_equal(driven(wheels, [(7.0, pose(0.1 * k)) for k in range(3)])[1:], [pose(0.1), pose(0.1)])
 
 
 def since_scan(motion):

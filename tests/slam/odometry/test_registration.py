@@ -253,3 +253,30 @@ def test_the_scale_of_the_kernel_tells_between_two_walls_that_a_beam_may_meet(ke
     rules = replace(RULES, gate=RULES.final_gate, kernel=kernel, step=1e-3, max_iterations=50)
     fit = register(scan, np.stack([wall, farther]), pose(), VAGUE, pose(), rules)
     assert fit.pose_map_robot[0] == pytest.approx(between, abs=0.01)
+
+
+def pieces_of(scan, count):
+    """The same scan with each of its lines cut into so many; with 0, into single points."""
+    lines, walls = scan.lines.copy(), []
+    for line in range(len(scan.walls_robot) if count else 0):
+        parts = np.array_split(np.flatnonzero(scan.lines == line), count)
+        for part in parts:
+            lines[part] = len(walls)
+            walls.append(scan.walls_robot[line])
+    if not count:
+        lines[:] = -1
+    return replace(scan, lines=lines, walls_robot=np.array(walls).reshape(-1, scan.walls_robot.shape[1]))
+
+
+@pytest.mark.parametrize("count", [0, 1, 2, 5])
+def test_the_pieces_of_a_wall_know_no_more_than_the_wall(count):
+    """Two walls along a corridor, seen once: the offset between them is known no better than their own offsets are."""
+    rng = np.random.default_rng(3)
+    walls = map_of(CORRIDOR, [pose()], rng)
+    scan = seen(CORRIDOR, pose(), rng)
+    fit = register(pieces_of(scan, count), walls, pose(), VAGUE, pose(), RULES)
+    assert len(walls) == 2
+    known = (1.0 / walls[:, VAR_OFFSET]).sum()
+    across = fit.information[1, 1]
+    # A scan as sure as the walls leaves half of what these know; it is rougher than they are.
+    assert 0.2 * known < across < 0.55 * known

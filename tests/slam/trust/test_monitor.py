@@ -200,3 +200,10 @@ def test_doubts_are_kept_in_the_order_in_which_they_came_and_each_is_logged_once
         reason.sentence in record.getMessage()
         for reason, record in zip(monitor.trust.reasons, caplog.records, strict=True)
     )
+
+
+@pytest.mark.parametrize(("share", "told"), [(NOWHERE, True), (0.4, True), (SURE, False)])
+def test_a_jump_is_a_reason_unless_the_scan_behind_it_is_sure_to_fit(share, told):
+    monitor = watching()
+    monitor.jumped(3.0, share)
+    assert raised(monitor) == ([("jump", 3.0)] if told else [])
