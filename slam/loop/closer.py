@@ -1,18 +1,21 @@
-"""Loop closing: proposals by estimated distance or by constellations of corners, verified by registration to walls."""
+"""Loop closing: proposals by estimated distance, constellations of corners or walls, verified by registration."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from features.feature import Corners
-from features.se2 import Array, Pose, between, compose, inverse
+from features.se2 import Array, Pose, between, compose, inverse, rotation, transform
 from slam.graph.values import Closure
 from slam.loop.constellation import Constellation, collect_constellation
 from slam.loop.dead_reckoning import DeadReckoning
 from slam.loop.geometric_hashing import GeometricHash
 from slam.loop.rules import LoopCounts, LoopRules
 from slam.loop.verification import closure_of, position_sigma, walls_world
+from slam.loop.wall_search import Region, search, wall_samples
+from slam.odometry.beams import beams_through_walls
 from slam.odometry.registration import Registration, register
 from slam.odometry.scan_points import ScanPoints
 
@@ -57,6 +60,8 @@ class LoopCloser:
         self._reckoning = DeadReckoning()
         self._last_search = -math.inf
         self._last_closure = -math.inf
+        self._last_wall_search = -math.inf
+        self._tied = 0
         self._hypothesis: tuple[int, Pose] | None = None
         self._index = GeometricHash(rules.places)
         self._places: list[int] = []
@@ -92,6 +97,8 @@ class LoopCloser:
             # A submap that is tied to an earlier one would only be tied to it again.
             tied = self._path_lengths[newest] - self._last_closure <= self._rules.constellation
             closures = [] if tied else self._by_corners(newest, poses_world_robot)
+            if not tied and not closures:
+                closures = self._by_walls(newest, poses_world_robot)
         else:
             older, fit = found
             here = poses_world_robot[newest]
@@ -105,6 +112,7 @@ class LoopCloser:
             )
         if closures:
             self._last_closure = self._path_lengths[newest]
+            self._tied = newest
         self.counts.accepted += len(closures)
         return closures
 
@@ -176,27 +184,88 @@ class LoopCloser:
             return []
         return verified[0][1] if verified else []
 
+    def _by_walls(self, newest: int, poses_world_robot: Array) -> list[Closure]:
+        """Closures of the newest submap and the one place in the region of dead reckoning on which its walls lie."""
+        rules = self._rules.walls
+        lengths = np.array(self._path_lengths)
+        if lengths[newest] - self._last_wall_search < rules.spacing:
+            return []
+        here = poses_world_robot[newest]
+        region = self._region(here)
+        old = np.flatnonzero(lengths < lengths[newest] - self._apart)
+        apart = np.hypot(*(poses_world_robot[old, :2] - here[:2]).T)
+        old = old[apart <= region.reach + self._reach]
+        # A smaller region is that of the search near by.
+        if region.reach <= self._rules.registration.gate or not old.size:
+            return []
+        self._last_wall_search = lengths[newest]
+        recent = self._unbroken(newest, np.flatnonzero(lengths > lengths[newest] - rules.submap))
+        samples = wall_samples(walls_world(self._scans, recent, poses_world_robot), rules)
+        points = np.ascontiguousarray(transform(inverse(here), samples))
+        walls = walls_world(self._scans, old, poses_world_robot)
+        if not len(points) or not len(walls):
+            return []
+        wider = replace(region, cov=region.cov + self._blur_cov)
+        found = search(points, walls, wider, self._share, rules)
+        if found.pose is None:
+            return []
+        self.counts.proposed_by_walls += 1
+        older = int(old[np.hypot(*(poses_world_robot[old, :2] - found.pose[:2]).T).argmin()])
+        closures = self._verified(older, newest, found.pose, poses_world_robot) if found.unique else []
+        self.counts.rejected += not closures
+        return closures
+
+    def _verified(self, older: int, newest: int, start: Pose, poses_world_robot: Array) -> list[Closure]:
+        """Closures by the supporting key frames of a place that was found by its walls; none where it is denied."""
+        rules = self._rules.walls
+        if not self._possible(np.array([older]), between(poses_world_robot[older], start)[None])[0]:
+            return []
+        # Of the points of a scan those count that walls can explain at all: in clutter these are few.
+        own = walls_world(self._scans, np.array(self._spaced(newest)), poses_world_robot)
+        supporters = self._supporters(older, newest, start, poses_world_robot, own)
+        if supporters is None or len(supporters[1]) < rules.supporters:
+            return []
+        pose, closures = supporters
+        return closures if self._through(older, newest, pose, poses_world_robot) <= rules.through else []
+
+    def _through(self, older: int, newest: int, pose: Pose, poses_world_robot: Array) -> float:
+        """Largest share of beams of a key frame that go through walls of a place, if the newest key frame is there.
+
+        What lies beside the place belongs to no wall of it, and says nothing of a place that is left or entered. But
+        nowhere on its way, all along the newest submap, the robot looks through a wall.
+        """
+        submap = self._unbroken(older, self._about(older, self._rules.constellation))
+        walls = walls_world(self._scans, submap, poses_world_robot)
+        shares = [0.0]
+        for key in self._spaced(newest):
+            scan = self._scans[key]
+            there = compose(pose, between(poses_world_robot[newest], poses_world_robot[key]))
+            shares.append(beams_through_walls(scan, walls, there) / max(len(scan), 1))
+        return max(shares)
+
+    def _region(self, here: Pose) -> Region:
+        """Where the newest key frame may be, given where it was tied to earlier ones last, world frame (eq. M55)."""
+        reckoned, cov = self._reckoning.drift(self._tied)
+        turn = np.eye(3)
+        turn[:2, :2] = rotation(float(here[2] - reckoned[2]))
+        return Region(here, turn @ cov @ turn.T, self._possible_gate)
+
     def _supporters(
-        self, older: int, newest: int, start: Pose, poses_world_robot: Array
+        self, older: int, newest: int, start: Pose, poses_world_robot: Array, own: Array | None = None
     ) -> tuple[Pose, list[Closure]] | None:
-        """Pose of the newest key frame and closures by its supporting key frames; None if too few (eq. M54)."""
+        """Pose of the newest key frame and closures by its supporting key frames; None if too few (eq. M54).
+
+        With the walls of the newest submap itself, ``own``, the share of points is asked of those that lie on them.
+        """
         rules = self._rules
         submap = self._unbroken(older, self._about(older, rules.constellation))
         walls = walls_world(self._scans, submap, poses_world_robot)
         fits: list[tuple[int, Registration, Pose]] = []
-        tried = math.inf
-        for key in range(newest, -1, -1):
-            if (
-                self._path_lengths[key] < self._path_lengths[newest] - rules.constellation
-                or self._breaks[key] != self._breaks[newest]
-            ):
-                break
-            if self._path_lengths[key] > tried - rules.supporter_spacing:
-                continue
-            tried = self._path_lengths[key]
+        for key in self._spaced(newest):
             motion = between(poses_world_robot[newest], poses_world_robot[key])
             fit = self._fit(key, walls, compose(start, motion))
-            if self._certain(fit):
+            most = 1.0 if own is None else self._fit(key, own, poses_world_robot[key]).share
+            if self._certain(fit, most):
                 fits.append((key, fit, compose(fit.pose_map_robot, inverse(motion))))
         # Those that agree with the one with which most do.
         alike = [[each for each in fits if self._agree(one[2], each[2])] for one in fits]
@@ -207,6 +276,17 @@ class LoopCloser:
         return pose, [
             closure_of(older, key, poses_world_robot[older], fit, self._systematic_cov) for key, fit, _ in agreed
         ]
+
+    def _spaced(self, newest: int) -> list[int]:
+        """Key frames of the newest submap, far enough apart along the path to see different points, newest first."""
+        rules = self._rules
+        lengths = np.array(self._path_lengths)
+        submap = self._unbroken(newest, np.flatnonzero(lengths >= lengths[newest] - rules.constellation))
+        kept: list[int] = []
+        for key in submap[::-1].tolist():
+            if not kept or lengths[key] <= lengths[kept[-1]] - rules.supporter_spacing:
+                kept.append(key)
+        return kept
 
     def _remember_places(self, poses_world_robot: Array) -> None:
         """Add to the index the submaps that lie far enough behind along the path to be revisited."""
@@ -234,8 +314,9 @@ class LoopCloser:
     def _fit(self, key_frame: int, walls: Array, start: Pose) -> Registration:
         return register(self._scans[key_frame], walls, start, self._unknown_cov, start, self._rules.registration)
 
-    def _certain(self, fit: Registration) -> bool:
-        return fit.share >= self._share and position_sigma(fit) <= self._rules.sigma
+    def _certain(self, fit: Registration, most: float = 1.0) -> bool:
+        """Whether a fit tells the position, and enough of the points lie on walls that ``most`` of them belong to."""
+        return fit.share >= self._share * most and position_sigma(fit) <= self._rules.sigma
 
     def _possible(self, older: NDArray[np.int64], motions: Array) -> NDArray[np.bool_]:
         """Whether dead reckoning allows for motions of the newest key frame from older ones, shapes (h,) and (h, 3)."""

@@ -55,6 +55,12 @@ class DeadReckoning:
         covs = drift @ (total - self._sums[older]) @ drift.T + axes @ cov @ axes.T
         return np.einsum("hi,hi->h", slip, np.linalg.solve(covs, slip[..., None])[..., 0])
 
+    def drift(self, since: int) -> tuple[Pose, Array]:
+        """Pose of the newest key frame, shape (3,), and the covariance of it since another one, (3, 3), same frame."""
+        here: Array = self._poses[-1]
+        back = np.linalg.inv(_about_origin(here))
+        return here, back @ (self._sums[-1] - self._sums[since]) @ back.T
+
 
 def _about_origin(pose: Pose) -> Array:
     """Jacobian of the motion about the origin with respect to the coordinates of a pose, shape (3, 3)."""

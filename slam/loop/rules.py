@@ -43,12 +43,43 @@ class PlaceRules:
 
 
 @dataclass(frozen=True, slots=True)
+class WallSearchRules:
+    """How a place is searched for by walls (eq. M55-M57).
+
+    Parameters
+    ----------
+    spacing : path length between two searches [m].
+    submap : path length whose walls are searched for [m].
+    cell : width of a cell of the grid, and how far a point may lie from a wall [m].
+    levels : times that the width of a block is doubled.
+    most_points : points of the submap that are searched for, at most.
+    most_nodes : blocks of poses whose score is bounded in one search, at most.
+    rival : share of the score of the best pose that none elsewhere may have.
+    same_position, same_heading : poses nearer than this to the best one are the same place [m, rad].
+    supporters : least number of supporting key frames.
+    through : share of the beams of any key frame of the newest submap that may go through walls of the place.
+    """
+
+    spacing: float = 4.0
+    submap: float = 4.0
+    cell: float = 0.2
+    levels: int = 4
+    most_points: int = 300
+    most_nodes: int = 40_000
+    rival: float = 0.9
+    same_position: float = 1.0
+    same_heading: float = math.radians(10.0)
+    supporters: int = 4
+    through: float = 0.1
+
+
+@dataclass(frozen=True, slots=True)
 class LoopRules:
     """Thresholds for proposing and verifying loop closures.
 
     Parameters
     ----------
-    registration, places : rules of the parts.
+    registration, places, walls : rules of the parts.
     spacing : path length between two searches for a closure [m].
     memory : path length from a search to the one that may confirm it, at most [m].
     submap_length : path length whose walls, before and behind a key frame, are put together [m].
@@ -69,6 +100,7 @@ class LoopRules:
 
     registration: RegistrationRules = RegistrationRules(gate=1.0)  # noqa: RUF009, frozen
     places: PlaceRules = PlaceRules()
+    walls: WallSearchRules = WallSearchRules()
     spacing: float = 0.5
     memory: float = 2.0
     submap_length: float = 8.0
@@ -116,7 +148,8 @@ class LoopCounts:
 
     Parameters
     ----------
-    proposed_near, proposed_by_corners : by where the robot believes to be, and by constellations of corners.
+    proposed_near, proposed_by_corners, proposed_by_walls : by where the robot believes to be, by constellations of
+        corners, and by walls over the region that dead reckoning allows for.
     accepted : closures that entered the graph.
     rejected : hypotheses that did not: no walls to fit, no second search that agrees, or more than one place that fits.
     revoked : closures that the graph has left out in the end.
@@ -124,6 +157,7 @@ class LoopCounts:
 
     proposed_near: int = 0
     proposed_by_corners: int = 0
+    proposed_by_walls: int = 0
     accepted: int = 0
     rejected: int = 0
     revoked: int = 0

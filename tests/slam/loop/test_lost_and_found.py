@@ -13,7 +13,7 @@ from slam.graph.incremental import LandmarkGraph
 from slam.graph.values import Observations
 from slam.loop.rules import LoopRules
 
-from .test_closer import LAP, PILLARS, RING, ROUND, along, box, closer_of
+from .test_closer import LAP, NO_CORNERS, PILLARS, RING, ROUND, along, box, closer_of
 
 NOTHING_SEEN = Observations(np.empty(0, np.int64), np.empty((0, 2)), np.empty((0, 2, 2)))
 MOTION_COV = np.diag([0.005, 0.005, math.radians(0.1)]) ** 2
@@ -23,10 +23,11 @@ SLIP = pose(4.0, -5.0, math.radians(25.0))
 SLIP_COV = np.diag([4.0, 4.0, math.radians(30.0)]) ** 2
 
 
-def drive(world, truth, seed, slips=None):
+def drive(world, truth, seed, slips=None, *, corners_seen=True):
     """Drive a way, with a graph that takes in what is found at each key frame: that, and the closer.
 
     ``slips`` : error of the motion up to a key frame, and the covariance that is told of it, by key frame.
+    ``corners_seen`` : whether the key frames have corners, or walls only.
     """
     rng = np.random.default_rng(seed)
     closer = closer_of()
@@ -40,6 +41,7 @@ def drive(world, truth, seed, slips=None):
         graph.update()
         scan = LIDAR.scan(world, here, 0.0, rng)
         corners = extract(scan, SENSOR, CONFIG.extraction).corners.to_robot(SENSOR.mounting)
+        corners = corners if corners_seen else NO_CORNERS
         closer.add_key_frame(points_of(scan), corners, motion, cov)
         found.append(closer.find(graph.poses_world_robot))
         for closure in found[-1]:
@@ -100,4 +102,50 @@ def test_a_robot_that_is_lost_among_copies_says_nothing():
     found, closer = drive(rings(3), truth, 2, {2 * steps: (pose(1.0, 1.0, 0.3), np.diag([60.0, 60.0, 3.0]) ** 2)})
     assert closer.counts.proposed_by_corners >= 2
     assert closer.counts.rejected >= 2
+    assert all(true(closure, truth) for each in found for closure in each)
+
+
+OFF_COV = np.diag([3.0, 3.0, math.radians(6.0)]) ** 2
+
+
+def slipped(seed):
+    """2 to 6 m into any direction, and up to 10 deg."""
+    rng = np.random.default_rng(seed)
+    distance, direction = rng.uniform(2.0, 6.0), rng.uniform(-math.pi, math.pi)
+    turn = math.radians(rng.uniform(-10.0, 10.0))
+    return pose(distance * math.cos(direction), distance * math.sin(direction), turn)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", range(4))
+def test_a_robot_that_is_metres_off_finds_its_way_back_by_walls_alone(seed):
+    """The far side of the ring is in the region too, and looks much the same."""
+    truth = along(ROUND, LAP + 30)
+    found, closer = drive(RING, truth, seed, {LAP // 2: (slipped(100 + seed), OFF_COV)}, corners_seen=False)
+    closures = [closure for each in found for closure in each]
+    assert closer.counts.proposed_by_walls > 0
+    assert closer.counts.proposed_by_corners == 0
+    assert [closure for closure in closures if closure.older < LAP // 2 < closure.newer]
+    assert all(true(closure, truth) for closure in closures)
+
+
+BARE_RING = World.from_polygons("bare ring", [box(0.0, 0.0, 20.0, 12.0), box(2.5, 2.5, 15.0, 7.0)])
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", range(3))
+def test_the_far_side_of_a_bare_ring_is_not_taken_for_the_near_one(seed):
+    """They differ by nothing but the way into them, all along which beams would go through walls."""
+    truth = along(ROUND, LAP + 30)
+    found, closer = drive(BARE_RING, truth, seed, {LAP // 2: (slipped(seed), OFF_COV)}, corners_seen=False)
+    assert closer.counts.proposed_by_walls > 0
+    assert all(true(closure, truth) for each in found for closure in each)
+
+
+@pytest.mark.slow
+def test_a_robot_that_is_lost_among_copies_says_nothing_by_walls():
+    steps = LAP - 8
+    truth = laps(3, steps)[: 2 * steps + 24]
+    lost = {2 * steps: (pose(1.0, 1.0, 0.1), np.diag([20.0, 3.0, 0.1]) ** 2)}
+    found, _ = drive(rings(3), truth, 2, lost, corners_seen=False)
     assert all(true(closure, truth) for each in found for closure in each)
