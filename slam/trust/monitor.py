@@ -3,7 +3,7 @@
 import logging
 import math
 from collections import deque
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.spatial import KDTree
@@ -24,12 +24,14 @@ class Reason:
     ----------
     what : short name.
     stamp : when it was noticed first [s].
-    sentence : what was noticed, and where to look.
+    sentence : what was noticed first, and where to look.
+    until : when it was noticed last [s].
     """
 
     what: str
     stamp: float
     sentence: str
+    until: float
 
 
 @dataclass(frozen=True, slots=True)
@@ -41,7 +43,7 @@ class Trust:
 
 
 class TrustMonitor:
-    """Collects reasons, each kind once, at its first time.
+    """Collects reasons, each kind once, from its first time until its last.
 
     Parameters
     ----------
@@ -183,6 +185,8 @@ class TrustMonitor:
             )  # fmt: skip
 
     def _add_reason(self, what: str, stamp: float, sentence: str) -> None:
-        if what not in self._reasons:
-            self._reasons[what] = Reason(what, stamp, sentence)
-            logger.warning("at %.3f s: %s", stamp, sentence)
+        if (known := self._reasons.get(what)) is not None:
+            self._reasons[what] = replace(known, until=stamp)
+            return
+        self._reasons[what] = Reason(what, stamp, sentence, stamp)
+        logger.warning("at %.3f s: %s", stamp, sentence)
