@@ -207,3 +207,11 @@ def test_a_jump_is_a_reason_unless_the_scan_behind_it_is_sure_to_fit(share, told
     monitor = watching()
     monitor.jumped(3.0, share)
     assert raised(monitor) == ([("jump", 3.0)] if told else [])
+
+
+def test_a_reason_lasts_until_it_was_noticed_last():
+    monitor = watching()
+    driven(monitor, [True] * (RULES.judged + 5) + [False] * 3 * RULES.judged)
+    (reason,) = monitor.trust.reasons
+    # The share falls below its limit once so many of the rejections have left the window.
+    assert (reason.stamp, reason.until) == (RULES.judged - 1.0, 2.0 * RULES.judged + 4.0 - MANY)
