@@ -155,8 +155,13 @@ class TrustMonitor:
         small = math.hypot(motion[0], motion[1]) < rules.small_motion and abs(float(motion[2])) < rules.small_turn
         if min(len(points), len(self._points)) < rules.fewest_points or not small:
             return
-        distances, _ = KDTree(self._points).query(transform(motion, points), distance_upper_bound=rules.near)
-        if np.isfinite(distances).mean() < rules.least_overlap:
+        here, before = transform(motion, points), self._points
+        # Where a door opens or the robot passes a corner, most of a scan is new, but what was in sight still is.
+        shares = [
+            np.isfinite(KDTree(of).query(points, distance_upper_bound=rules.near)[0]).mean()
+            for of, points in ((before, here), (here, before))
+        ]
+        if max(shares) < rules.least_overlap:
             self._add_reason(
                 "carried away", stamp,
                 "the scan shows neither the walls known nor what the scan before showed: the robot was carried away, "

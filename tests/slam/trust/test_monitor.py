@@ -126,6 +126,16 @@ def test_a_scan_of_which_more_than_half_is_new_is_doubted(new, doubted):
     assert [what for what, _ in raised(monitor)] == ["carried away"] * doubted
 
 
+@pytest.mark.parametrize("opens", [True, False])
+def test_a_scan_that_shows_much_more_or_much_less_of_the_same_is_not_doubted(opens):
+    """A door opens or closes, and the robot is where it was."""
+    few, many = PILLARS[: RULES.fewest_points], np.concatenate([PILLARS[: RULES.fewest_points], PILLARS + 0.9])
+    monitor = watching()
+    monitor.registered(1.0, few if opens else many, pose(), pose(), SURE, rejected=False)
+    monitor.registered(2.0, many if opens else few, pose(), pose(), NOWHERE, rejected=False)
+    assert raised(monitor) == []
+
+
 @pytest.mark.parametrize("share", [NOWHERE, 0.1])
 def test_a_scan_is_laid_on_the_one_before_by_the_motion_between_them(share):
     """From 0.45 m further on and 18 deg turned, each way: all else would put these points beside those of before."""
