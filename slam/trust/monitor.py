@@ -49,7 +49,8 @@ class TrustMonitor:
     ----------
     match_probability : chi-square level of the gate of the association.
     sure_share : share of its points that lie on known walls with which a scan is sure to fit.
-    wheels : the motion is predicted by wheels, so that they may be judged by the scans.
+    wheels : the motion is predicted by wheels, so that it is these that rejected predictions speak against; else by a
+        steady motion.
     rules : from where on a run is not trusted.
     """
 
@@ -132,8 +133,7 @@ class TrustMonitor:
             motion, by_wheels = between(self._pose_map, pose_map), between(self._pose_odom, pose_odom)
             if share is None or share < self._sure_share:
                 self._compare(stamp, points, motion)
-            if self._wheels:
-                self._judge_wheels(stamp, motion, by_wheels, rejected=rejected)
+            self._judge_predictions(stamp, motion, by_wheels, rejected=rejected)
         self._points, self._pose_map, self._pose_odom = points, pose_map, pose_odom
 
     def scattered(self, stamp: float, sigma: float, assumed: float) -> None:
@@ -168,8 +168,8 @@ class TrustMonitor:
                 "and what follows may lie anywhere relative to what came before",
             )  # fmt: skip
 
-    def _judge_wheels(self, stamp: float, motion: Pose, by_wheels: Pose, *, rejected: bool) -> None:
-        """Add a reason if scans reject too many predictions by the wheels; name a constant heading offset."""
+    def _judge_predictions(self, stamp: float, motion: Pose, by_wheels: Pose, *, rejected: bool) -> None:
+        """Add a reason if scans reject too many predictions; name a constant heading offset of the wheels."""
         rules = self._rules
         moved = max(math.hypot(motion[0], motion[1]), math.hypot(by_wheels[0], by_wheels[1])) > rules.moving
         if not (moved or max(abs(motion[2]), abs(by_wheels[2])) > rules.turning):
@@ -179,7 +179,9 @@ class TrustMonitor:
             by_wheels[0], -by_wheels[1]
         )
         share = sum(self._rejected) / rules.judged
-        if len(self._rejected) == rules.judged and share > rules.most_rejected:
+        if len(self._rejected) < rules.judged or share <= rules.most_rejected:
+            return
+        if self._wheels:
             angle = math.atan2(self._directions.imag, self._directions.real)
             beside = f", by which the robot moves {math.degrees(angle):.0f} deg beside its heading"
             turned = beside if abs(angle) > rules.beside_heading else ""
@@ -187,6 +189,13 @@ class TrustMonitor:
                 "odometry", stamp,
                 f"the odometry is contradicted by {share:.0%} of {rules.judged} scans{turned}: look at the "
                 "odometry and at the mounting of the sensor in the configuration",
+            )  # fmt: skip
+        else:
+            self._add_reason(
+                "motion", stamp,
+                f"{share:.0%} of {rules.judged} scans fit only where a steady motion does not lead: the robot moves "
+                "faster than the scans can follow, or similar places are taken for each other; give odometry or "
+                "drive more slowly",
             )  # fmt: skip
 
     def _add_reason(self, what: str, stamp: float, sentence: str) -> None:

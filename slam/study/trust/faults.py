@@ -21,7 +21,14 @@ SCANNERS = "rplidar-s1", "rplidar-a1", "rplidar-a2", "rplidar-a3", "rplidar-s2",
 """Presets of the scanners that are simulated; each run has one of them at random."""
 
 WITHOUT_WHEELS = 0.25
-"""Share of the runs that have no odometry; faults of the odometry are in runs that have it."""
+"""Share of the runs that have no odometry."""
+
+OF_WHEELS = "jump", "slip", "mounting"
+"""Faults that are put into runs with odometry only.
+
+Without it a sensor that is turned turns the path in the frame of the start as a whole, which nothing that the run sees
+contradicts.
+"""
 
 FAULTS = "jump", "slip", "kidnap", "mounting", "noise", "blocked", "glass", "people"
 """What is put in: the odometry jumps, the wheels slip or stand, the robot is carried away, the sensor is mounted
@@ -80,7 +87,7 @@ def drawn_scene(number: int, fault: str | None, scans: int, seed: int) -> Scene:
     world = (f"cluttered-room-{number}", f"random-room-{number}", str(rng.choice(list(BUILT_IN))))[kind]
     scanner = str(rng.choice(SCANNERS))
     effects = str(rng.choice(["ideal", "on"]))
-    wheels = fault in ("jump", "slip") or rng.random() >= WITHOUT_WHEELS
+    wheels = fault in OF_WHEELS or rng.random() >= WITHOUT_WHEELS
     odometry = str(rng.choice(["exact", "good", "poor"]))
     people = int(rng.integers(3))
     lidar, size, mounting = Lidar.of_preset(scanner, effects=effects_of(effects, scanner)), math.nan, Mounting()

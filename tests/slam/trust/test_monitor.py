@@ -174,17 +174,25 @@ def test_wheels_are_doubted_where_too_many_of_the_latest_scans_contradict_them()
     assert "beside its heading" not in reason.sentence
 
 
-def test_wheels_are_judged_in_motion_only_and_only_where_they_predict():
+def test_wheels_are_judged_in_motion_only():
     standing = watching()
     driven(standing, [True] * 3 * RULES.judged, pose(0.01), pose(0.01))
     assert raised(standing) == []
-    without = watching(wheels=False)
-    driven(without, [True] * 3 * RULES.judged)
-    assert raised(without) == []
     for motion, by_wheels in [(pose(0.1), pose()), (pose(), pose(0.0, 0.1)), (pose(0.0, 0.0, -0.1), pose())]:
         monitor = watching()
         driven(monitor, [True] * RULES.judged, motion, by_wheels)
         assert [what for what, _ in raised(monitor)] == ["odometry"]
+
+
+def test_without_wheels_too_many_rejected_predictions_speak_against_the_motion_itself():
+    """The poses by wheels that are not there do not move."""
+    monitor = watching(wheels=False)
+    driven(monitor, [True] * (MANY - 1) + [False] * RULES.judged, by_wheels=pose())
+    assert raised(monitor) == []
+    driven(monitor, [True] * MANY + [False] * RULES.judged, by_wheels=pose())
+    (reason,) = monitor.trust.reasons
+    assert reason.what == "motion"
+    assert "odometry is contradicted" not in reason.sentence
 
 
 @pytest.mark.parametrize("reported", [0.0, 90.0, -160.0])
