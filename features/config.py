@@ -2,8 +2,10 @@
 
 import math
 import warnings
+from collections.abc import Mapping
 from functools import cached_property
-from typing import Any, Literal, NamedTuple
+from types import MappingProxyType
+from typing import Any, Literal, NamedTuple, cast
 
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, model_validator
@@ -28,6 +30,20 @@ METHODS: tuple[tuple[LineFit, Covariance], ...] = (
 
 
 REMOVED = "corner_gap_mm"
+"""Key that is accepted with a warning."""
+
+PAPER: Mapping[str, Any] = MappingProxyType(
+    {
+        "fit": "cwlf",
+        "covariance": "paper",
+        "split_distance_mm": 50.0,
+        "split_sigmas": 0.0,
+        "trim_points": 0,
+        "trim_sigmas": 0.0,
+        "tested": False,
+    }
+)
+"""What ``preset = "paper"`` sets."""
 
 
 class ExtractionConfig(BaseModel):
@@ -35,6 +51,11 @@ class ExtractionConfig(BaseModel):
 
     model_config = ConfigDict(frozen=True, extra="forbid", strict=True, allow_inf_nan=False)
 
+    preset: Literal["default", "paper"] = Field(
+        default="default",
+        description="default, or paper: its pipeline, where no other key says otherwise: split at 50 mm, CWLF with eq. "
+        "31-32, and the intersection of each two neighbours, without the tests of lines and corners",
+    )
     fit: LineFit = Field(
         default="effective-variance",
         description="line fit: effective-variance, cwlf (the paper's), arras-siegwart or total-least-squares",
@@ -47,7 +68,7 @@ class ExtractionConfig(BaseModel):
     )
     gap_beams: float = Field(default=3.5, gt=1.0, description="a gap of more beam spacings than this ends a segment")
     split_distance_mm: float = Field(default=50.0, gt=0.0, description="floor of the IEPF threshold [mm]")
-    split_sigmas: float = Field(default=5.0, gt=0.0, description="IEPF threshold in standard deviations of a range")
+    split_sigmas: float = Field(default=5.0, ge=0.0, description="IEPF threshold in standard deviations of a range")
     trim_points: int = Field(default=1, ge=0, description="points left out at each end of a segment")
     trim_sigmas: float = Field(
         default=2.0,
@@ -61,6 +82,9 @@ class ExtractionConfig(BaseModel):
     )
     corner_angle_min_deg: float = Field(default=30.0, gt=0.0, lt=180.0, description="sharpest corner [deg]")
     corner_angle_max_deg: float = Field(default=150.0, gt=0.0, lt=180.0, description="bluntest corner [deg]")
+    tested: bool = Field(
+        default=True, description="whether neighbours are merged and breaks moved, and lines and corners are tested"
+    )
     straight_level: float = Field(
         default=0.01, gt=0.0, lt=1.0, description="probability that chance splits a straight wall in two"
     )
@@ -82,16 +106,18 @@ class ExtractionConfig(BaseModel):
 
     @model_validator(mode="before")
     @classmethod
-    def _without_removed(cls, values: Any) -> Any:
-        if isinstance(values, dict) and REMOVED in values:
+    def _complete(cls, values: Any) -> Any:
+        if not isinstance(values, dict):
+            return values
+        given = dict(cast("dict[str, Any]", values))
+        if given.pop(REMOVED, None) is not None:
             warnings.warn(
                 f"extraction.{REMOVED} is not used any more: how far a wall may end from its corner follows from the "
                 "spacing of its beams; remove it",
                 DeprecationWarning,
                 stacklevel=2,
             )
-            return {name: value for name, value in values.items() if name != REMOVED}
-        return values
+        return {**PAPER, **given} if given.get("preset") == "paper" else given
 
     @model_validator(mode="after")
     def _consistent(self) -> "ExtractionConfig":
@@ -103,6 +129,12 @@ class ExtractionConfig(BaseModel):
         if (self.fit, self.covariance) not in METHODS:
             raise ValueError(f'covariance "paper" (eq. 31-32) belongs to fit "cwlf", not to {self.fit!r}')
         return self
+
+    def model_copy(self, *, update: Mapping[str, Any] | None = None, deep: bool = False) -> "ExtractionConfig":
+        """Copy, with some values changed; the rules of the copy are its own."""
+        copy = super().model_copy(update=update, deep=deep)
+        vars(copy).pop("rules", None)
+        return copy
 
     @cached_property
     def rules(self) -> Array:
@@ -125,6 +157,7 @@ class ExtractionConfig(BaseModel):
             end_sigmas=self.end_sigmas,
             corner_level=self.corner_level,
             unseen_end=self.unseen_end,
+            tested=int(self.tested),
             method=METHODS.index((self.fit, self.covariance)),
         )
         return np.array(rules, dtype=np.float64)
@@ -150,4 +183,5 @@ class Rules(NamedTuple):
     end_sigmas: float
     corner_level: float
     unseen_end: float
+    tested: int
     method: int

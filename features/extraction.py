@@ -134,7 +134,7 @@ def find_corner(xs, ys, total, spacing, segment_a, segment_b, line_a, line_b, no
     wall_b = normal_of(line_b)
     last = segment_a.last
     first = segment_b.first
-    if not (
+    if rules.tested and not (
         reaches(xs[last], ys[last], x, y, wall_a[0], wall_a[1], spacing, noise, rules)
         and reaches(xs[first], ys[first], x, y, wall_b[0], wall_b[1], spacing, noise, rules)
     ):
@@ -151,6 +151,8 @@ def find_corner(xs, ys, total, spacing, segment_a, segment_b, line_a, line_b, no
     corner.kind = CONVEX if cross > 0.0 else CONCAVE
     if not rules.corner_angle_min <= corner.opening_angle <= rules.corner_angle_max:
         return False
+    if not rules.tested:
+        return True
     # A wall that may be bent turns by so much from end to end: where another one runs into it there is no edge.
     turn = math.pi - corner.opening_angle
     if turn * length_a <= TURN_OF_BEND * segment_a.bend or turn * length_b <= TURN_OF_BEND * segment_b.bend:
@@ -227,7 +229,7 @@ def _extract_kernel(
     rules = Rules(
         numbers[0], numbers[1], numbers[2], numbers[3], int(numbers[4]), numbers[5], int(numbers[6]), numbers[7],
         numbers[8], numbers[9], numbers[10], numbers[11], numbers[12], numbers[13], numbers[14], numbers[15],
-        numbers[16], int(numbers[17]),
+        numbers[16], int(numbers[17]), int(numbers[18]),
     )  # fmt: skip
     if scan_angles.size < rules.min_points:
         return np.empty(0, LINE_RECORD), np.empty(0, CORNER_RECORD)
@@ -259,11 +261,15 @@ def _extract_kernel(
     count = find_segments(xs, ys, jumps, total, var_range, var_bearing, rules, stack, segments)
     if closed and count > 0:
         segments[count - 1].joined = 1
-    settle_breaks(xs, ys, total, spacing, noise, rules, segments, count)
-    count = split_crooked(xs, ys, segments, count, noise, rules, sums, stack, pieces)
-    count = drop_stubs(xs, ys, var_range, rules, pieces, count)
-    settle_breaks(xs, ys, total, spacing, noise, rules, pieces, count)
-    segments = pieces
+    if rules.tested:
+        settle_breaks(xs, ys, total, spacing, noise, rules, segments, count)
+        count = split_crooked(xs, ys, segments, count, noise, rules, sums, stack, pieces)
+        count = drop_stubs(xs, ys, var_range, rules, pieces, count)
+        settle_breaks(xs, ys, total, spacing, noise, rules, pieces, count)
+        segments = pieces
+    else:
+        for k in range(count):
+            trim_ends(xs, ys, segments[k], rules.trim_points, rules.trim_sigmas * sigma_range)
 
     lines = np.empty(count, LINE_RECORD)
     found = 0
@@ -272,12 +278,12 @@ def _extract_kernel(
             lines[found].beams[0] = beams[segments[k].begin]
             lines[found].beams[1] = beams[segments[k].end]
             segments[k].line = found
-            segments[k].bend = bend_of(xs, ys, segments[k], noise, rules)
+            segments[k].bend = bend_of(xs, ys, segments[k], noise, rules) if rules.tested else 0.0
             found += 1
         else:
             segments[k].line = -1
     corners = np.empty(found, CORNER_RECORD)
-    for k in range(count):
+    for k in range(count if rules.tested else 0):
         after = k + 1 if k + 1 < count else 0
         a = segments[k].line
         b = segments[after].line

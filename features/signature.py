@@ -63,6 +63,21 @@ class Signatures:
         """Signatures in a frame in which each corner is turned counter-clockwise by an angle [rad]."""
         return Signatures(self.kinds, self.opening_angles, self.orientations + angle)
 
+    def faced(self, directions: Array, grazing: float) -> NDArray[np.bool_]:
+        """Whether both walls of each corner are seen from a place, by more than a grazing angle.
+
+        Parameters
+        ----------
+        directions : from each corner to the place, frame of the orientations, shape (n,) [rad].
+        grazing : least angle between either wall and the line of sight [rad].
+
+        Returns
+        -------
+        Shape (n,); True for a point, which has no walls.
+        """
+        away = wrap_angle(directions - self.orientations + np.where(self.kinds == Kind.CONVEX, np.pi, 0.0))
+        return ~(np.abs(away) > 0.5 * self.opening_angles - grazing)
+
 
 def alike(one: Signatures, other: Signatures, opening: float, orientation: float) -> NDArray[np.bool_]:
     """Whether two corners may be the same one: of one kind, and their angles differ little.

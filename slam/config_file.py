@@ -9,6 +9,7 @@ import tomlkit
 from pydantic import BaseModel, ValidationError
 
 from drivers.frame import SourceInfo
+from features.config import ExtractionConfig
 from slam.config import SlamConfig
 from slam.errors import ConfigError
 
@@ -57,6 +58,8 @@ def load_config(
     chosen = next(name for name in (preset, file_preset, source.sensor) if name is not None)
     try:
         base = SlamConfig.of_preset(chosen, source.mounting).model_dump()
+        if _extraction_preset(given) == "paper":
+            base["extraction"] = ExtractionConfig(preset="paper").model_dump()
         if not source.has_odometry:
             base["odometry"]["source"] = "lines"
         if "sigma_range_mm" in sensor:
@@ -132,6 +135,11 @@ def _read_toml(path: Path) -> dict[str, Any]:
         raise ConfigError(f"{path}: not a text file: expected TOML") from None
     except tomllib.TOMLDecodeError as error:
         raise ConfigError(f"{path}: not valid TOML: {error}") from None
+
+
+def _extraction_preset(given: dict[str, Any]) -> Any:
+    extraction = given.get("extraction")
+    return extraction.get("preset") if _is_table(extraction) else None
 
 
 def _overlay(base: Mapping[str, Any], given: Mapping[str, Any]) -> dict[str, Any]:

@@ -1,6 +1,7 @@
 """Builds the parts of the pipeline from the configuration, converted to SI units."""
 
 import math
+import sys
 from dataclasses import dataclass
 
 import numpy as np
@@ -39,6 +40,13 @@ class CwlfExtractor:
     def __call__(self, scan: LaserScan, sensor: SensorModel) -> Features:
         """See :func:`features.extraction.extract`."""
         return extract(scan, sensor, self.rules)
+
+    def of_whole_walls(self) -> "CwlfExtractor":
+        """Return the extractor that takes no wall apart for what is less than its other rules see.
+
+        The straightness of a wall is tested with the noise; to measure the noise takes walls as rough as they are.
+        """
+        return CwlfExtractor(self.rules.model_copy(update={"straight_level": sys.float_info.min}))
 
 
 @dataclass(frozen=True, slots=True, eq=False)

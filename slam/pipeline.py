@@ -75,7 +75,8 @@ class Slam:
         self._associator = associator
         self._back_end = back_end
         use = config.sensor.noise == "measured"
-        self._gauge = NoiseGauge(config.sensor.model(), self._extractor, use=use, rules=rules.noise)
+        whole_walls = extractor or CwlfExtractor(config.extraction).of_whole_walls()
+        self._gauge = NoiseGauge(config.sensor.model(), whole_walls, use=use, rules=rules.noise)
         self._held: list[Frame] = []
         self._clock = StageClock("extract", "odometry", "front_end", "back_end", "loop")
         self._begin()
@@ -244,10 +245,9 @@ class Slam:
             return None
         with self._clock.timed("extract"):
             scan = frame.scan if sweep is None else deskew(frame.scan, self._sensor, sweep)
-            view = view_of_scan(scan, self._sensor, self._extractor, sweep)
-            if view.features is not None and (sigma := self._gauge.watch(scan, view.features.lines)) is not None:
+            if (sigma := self._gauge.watch(scan)) is not None:
                 self._monitor.scattered(frame.stamp, sigma, self._sensor.sigma_range)
-            return view
+            return view_of_scan(scan, self._sensor, self._extractor, sweep)
 
     def _register(self, stamp: float, pose_odom: Pose, view: View, sweep: Sweep | None) -> None:
         """Correct odometry by the walls."""

@@ -4,9 +4,10 @@ Shares no code with ``features`` and imports nothing of it.
 """
 
 import itertools
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
+import scipy.optimize
 
 Y_ON_X, X_ON_Y, POLAR = range(3)
 
@@ -33,6 +34,18 @@ class TwinCorner:
     opening_angle: float
     orientation: float
     convex: bool
+
+
+@dataclass
+class _Wall:
+    """Points of a segment: its breaking points, those that are fitted, whether the next one goes on from it."""
+
+    first: int
+    last: int
+    begin: int = 0
+    end: int = -1
+    joined: bool = False
+    rough: tuple | None = None
 
 
 def cartesian_cov(rho, theta, sigma_range, sigma_bearing):
@@ -187,8 +200,12 @@ def intersect(a, b):
     return position, jacobian @ joint @ jacobian.T
 
 
-def extract(ranges, angles, model, config):
-    """Lines and corners of a scan; ``model`` and ``config`` are read by attribute only."""
+def extract(ranges, angles, model, config, arcs=None):
+    """Lines and corners of a scan; ``model`` and ``config`` are read by attribute only.
+
+    To ``arcs`` go, for each arc that is iterated, its misfit, that of the best arc, and the limit (eq. M105).
+    """
+    arcs = [] if arcs is None else arcs
     sigma_range, sigma_bearing = model.sigma_range, model.sigma_bearing
     everything = _counter_clockwise(angles)
     spacing = _spacing(angles)
@@ -213,51 +230,276 @@ def extract(ranges, angles, model, config):
     for cluster in clusters:
         if len(cluster) >= config.min_points:
             segments += _merge(_iepf(list(cluster), points, rho, model, config), points, rho, model, config)
-    segments, joined = _without_stubs(segments, points, closed, sigma_range, config)
-    spans = [_trim(segment, points, config.trim_points, config.trim_sigmas * sigma_range) for segment in segments]
-    rough = [_rough(points[span[0] : span[1] + 1]) if span[1] > span[0] else None for span in spans]
-    breaks = [[int(segment[0]), int(segment[-1])] for segment in segments]
-    accepted = max(config.split_distance_mm * 1e-3, config.split_sigmas * sigma_range)
-    for k in range(len(segments)):
-        follower = (k + 1) % len(segments)
-        if follower == k or not joined[k] or rough[k] is None or rough[follower] is None:
-            continue
-        matrix = np.array([rough[k][0], rough[follower][0]])
-        if np.linalg.det(matrix) == 0.0:
-            continue
-        position = np.linalg.solve(matrix, [rough[k][1], rough[follower][1]])
-        near = [np.abs(points @ normal - offset) <= accepted for normal, offset in (rough[k], rough[follower])]
-        bounds = (spans[k][0], breaks[k][1], breaks[follower][0], spans[follower][1])
-        last, first = _move_break(bounds, follower == 0, points, position, near)
-        between = np.r_[last + 1 : len(points), 0:first] if follower == 0 else np.arange(last + 1, first)
-        joined[k] = _meet(position, points[[last - 1, last]], points[[first, first + 1]], config) and all(
-            near[0][i] or near[1][i] for i in between
-        )
-        if joined[k]:
-            breaks[k][1], breaks[follower][0] = last, first
-            away = np.linalg.norm(points - position, axis=1) >= config.trim_sigmas * sigma_range
-            spans[k][1] = _step_back(last - config.trim_points, spans[k][0], away)
-            spans[follower][0] = _step_back(first + config.trim_points, spans[follower][1], away)
+    walls = [_Wall(int(each[0]), int(each[-1])) for each in segments]
+    for wall, after in itertools.pairwise(walls):
+        wall.joined = wall.last == after.first
+    if walls:
+        walls[-1].joined = closed
+    walls = _without_stubs(walls, points, sigma_range, config)
+    _settle(walls, points, spacing, model, config)
+    walls = [piece for wall in walls for piece in _straight_pieces(wall, points, model, config)]
+    walls = _without_stubs(walls, points, sigma_range, config)
+    _settle(walls, points, spacing, model, config)
 
-    lines, fitted = [], []
-    for k, (first, last) in enumerate(spans):
+    lines, fitted, bends = [], [], []
+    for k, wall in enumerate(walls):
+        first, last = wall.begin, wall.end
         if last - first + 1 < config.min_points or _is_short(points[first], points[last], sigma_range, config):
             continue
         kept = slice(first, last + 1)
         line = fit_line(rho[kept], theta[kept], sigma_range, sigma_bearing, config.fit, config.covariance)
         lines.append(TwinLine(*line, beams=(int(beams[first]), int(beams[last])), count=last - first + 1))
         fitted.append(k)
+        bends.append(_bend(points[kept], wall.rough, model, config))
+
+    neighbours = [
+        (i, follower)
+        for i, k in enumerate(fitted)
+        for follower in [(i + 1) % len(fitted)]
+        if follower != i and walls[k].joined and fitted[follower] == (k + 1) % len(walls)
+    ]
+    arms, parted = {}, []
+    for i, follower in neighbours:
+        a, b = walls[fitted[i]], walls[fitted[follower]]
+        # In a closed contour the points of the first wall follow those of the last one; the cut is one point of both.
+        between = np.arange(a.begin, b.end + 1) if follower else np.r_[a.begin : len(points), 1 : b.end + 1]
+        arms[i] = points[between]
+        along_a, along_b = (line.ends[1] - line.ends[0] for line in (lines[i], lines[follower]))
+        turn = np.pi - _angle(-along_a, along_b)
+        if _cross(*_normals(lines[i], lines[follower])):
+            position, _ = intersect(lines[i], lines[follower])
+            if _may_be_arc(arms[i], position, lines[i], lines[follower], model, config, arcs):
+                lengths = np.array([np.linalg.norm(along_a), np.linalg.norm(along_b)])
+                curvature = 2.0 * turn / lengths.sum()
+                for j, length in zip((i, follower), lengths, strict=True):
+                    bends[j] = max(bends[j], length**2 / 12.0 * curvature)
+                parted.append((i, follower))
+    lines = [_bent(line, bend) for line, bend in zip(lines, bends, strict=True)]
 
     corners = []
-    for i, k in enumerate(fitted):
-        follower = (i + 1) % len(fitted)
-        if follower == i or not joined[k] or fitted[follower] != (k + 1) % len(segments):
+    for i, follower in neighbours:
+        if (i, follower) in parted:
             continue
-        last, first = breaks[k][1], breaks[fitted[follower]][0]
-        corner = _corner(lines[i], lines[follower], points[[last - 1, last]], points[[first, first + 1]], config)
+        ends = points[walls[fitted[i]].last], points[walls[fitted[follower]].first]
+        bent = bends[i], bends[follower]
+        corner = _corner(lines[i], lines[follower], ends, bent, arms[i], spacing, model, config)
         if corner is not None:
             corners.append(corner)
     return lines, corners
+
+
+def _without_stubs(walls, points, sigma_range, config):
+    """Walls that may be lines; each is joined to the next where all that was left out between them was joined."""
+    least = config.min_points + 2 * config.trim_points
+    kept = [
+        i
+        for i, each in enumerate(walls)
+        if each.last - each.first + 1 >= least
+        and not _is_short(points[each.first], points[each.last], sigma_range, config)
+    ]
+    joined = [wall.joined for wall in walls]
+    for i, j in itertools.pairwise(kept):
+        walls[i].joined = all(joined[i:j])
+    if kept:
+        walls[kept[-1]].joined = all(joined[kept[-1] :] + joined[: kept[0]])
+    return [walls[i] for i in kept]
+
+
+def _settle(walls, points, spacing, model, config):
+    """Fit preliminary lines, then move the breaks to where the walls meet (eq. M25)."""
+    trim = config.trim_sigmas * model.sigma_range
+    for wall in walls:
+        wall.begin, wall.end = _trim(range(wall.first, wall.last + 1), points, config.trim_points, trim)
+        wall.rough = _rough(points[wall.begin : wall.end + 1]) if wall.end > wall.begin else None
+    for k, a in enumerate(walls):
+        follower = (k + 1) % len(walls)
+        b = walls[follower]
+        if follower == k or not a.joined or a.rough is None or b.rough is None:
+            continue
+        matrix = np.array([a.rough[0], b.rough[0]])
+        if _cross(*matrix) == 0.0:
+            continue
+        position = np.linalg.solve(matrix, [a.rough[1], b.rough[1]])
+        near = [_misfit(points, *wall.rough, model) <= config.near_sigmas**2 for wall in (a, b)]
+        last, first = _move_break((a.begin, a.last, b.first, b.end), follower == 0, points, position, near)
+        between = np.r_[last + 1 : len(points), 0:first] if follower == 0 else np.arange(last + 1, first)
+        a.joined = (
+            _reaches(points[last], position, a.rough[0], spacing, model, config)
+            and _reaches(points[first], position, b.rough[0], spacing, model, config)
+            and all(near[0][i] or near[1][i] for i in between)
+        )
+        if a.joined:
+            a.last, b.first = last, first
+            away = np.linalg.norm(points - position, axis=1) >= trim
+            a.end = _step_back(last - config.trim_points, a.begin, away)
+            b.begin = _step_back(first + config.trim_points, b.end, away)
+
+
+def _variance(points, normal, model):
+    """Variance of each point along a unit normal, n' C n (eq. M3)."""
+    covs = cartesian_cov(
+        np.hypot(*points.T), np.arctan2(points[:, 1], points[:, 0]), model.sigma_range, model.sigma_bearing
+    )
+    return np.einsum("j,ijk,k->i", normal, covs, normal)
+
+
+def _misfit(points, normal, offset, model):
+    """Squared distance of each point from a line over its variance."""
+    return (points @ normal - offset) ** 2 / _variance(points, normal, model)
+
+
+def _hits(points, normal, offset):
+    """Abscissas where the beams meet a line; those of the points whose beams run nearly along it."""
+    away = np.abs(points @ normal - offset) < 0.5 * np.abs(points @ normal)
+    beams = points / np.linalg.norm(points, axis=1)[:, None]
+    cosines = np.where(away, beams @ normal, 1.0)
+    hits = np.where(away[:, None], beams * (offset / cosines)[:, None], points)
+    return hits @ [-normal[1], normal[0]]
+
+
+def _unexplained(abscissas, values, weights):
+    """Values less their weighted regression line."""
+    roots = np.sqrt(weights)
+    basis = np.linalg.qr(np.stack([np.ones_like(abscissas), abscissas - abscissas.mean()], axis=-1) * roots[:, None])[0]
+    return values - basis @ (basis.T @ (values * roots)) / roots
+
+
+def _straight_pieces(wall, points, model, config):
+    """Split a wall for as long as two lines explain its points better than one (eq. M101)."""
+    n = wall.end - wall.begin + 1
+    if n < 4:
+        return [wall]
+    fitted = points[wall.begin : wall.end + 1]
+    normal, _ = _rough(fitted)
+    along, across = _hits(fitted, *_rough(fitted)), fitted @ normal
+    weights = 1.0 / _variance(fitted, normal, model)
+
+    def chi2(part):
+        return (weights[part] * _unexplained(along[part], across[part], weights[part]) ** 2).sum()
+
+    gains = [chi2(slice(None)) - chi2(slice(k)) - chi2(slice(k, None)) for k in range(2, n - 1)]
+    if max(gains) <= 2.0 * np.log(n / config.straight_level):
+        return [wall]
+    last = wall.begin + 1 + int(np.argmax(gains))
+    parts = (
+        _Wall(wall.first, last, wall.begin, last, True),
+        _Wall(last + 1, wall.last, last + 1, wall.end, wall.joined),
+    )
+    return [piece for part in parts for piece in _straight_pieces(part, points, model, config)]
+
+
+def _bend(points, rough, model, config):
+    """How far the ends of a wall bend away from its line, 0 where chance may do that (eq. M102)."""
+    normal, offset = rough
+    along, weights = _hits(points, *rough), 1.0 / _variance(points, normal, model)
+    along = along - along.mean()
+    square = _unexplained(along, along**2, weights)
+    information = (weights * square**2).sum()
+    if len(points) < 3 or information <= 1e-12 * (weights * along**4).sum():
+        return 0.0
+    coefficient = (weights * square * (points @ normal - offset)).sum() / information
+    if abs(coefficient) * np.sqrt(information) <= config.bend_sigmas:
+        return 0.0
+    return float(abs(coefficient) * np.abs(square[[0, -1]]).max())
+
+
+def _bent(line, bend):
+    """The line with the bend at its ends, across it, in the variance of its offset (eq. M102)."""
+    normal, _ = normal_form(line.form, line.params, line.center)
+    return replace(line, cov=line.cov + np.diag([0.0, bend**2 * (normal @ normal)]))
+
+
+def _cross(a, b):
+    return a[0] * b[1] - a[1] * b[0]
+
+
+def _angle(a, b):
+    return float(np.arccos(np.clip(a @ b / np.linalg.norm(a) / np.linalg.norm(b), -1.0, 1.0)))
+
+
+def _normals(*lines):
+    return [normal_form(line.form, line.params, line.center)[0] for line in lines]
+
+
+def _unit_form(line):
+    """Unit normal and offset of a fitted line."""
+    normal, offset = normal_form(line.form, line.params, line.center)
+    return normal / np.linalg.norm(normal), offset / np.linalg.norm(normal)
+
+
+def _gap(end, position, normal, model):
+    """Distance along a wall from its last point to a position, and the standard deviation of a point there."""
+    along = np.array([-normal[1], normal[0]])
+    return abs(along @ (end - position)), np.sqrt(_variance(position[None], along, model)[0])
+
+
+def _reaches(end, position, normal, spacing, model, config):
+    """Of a wall that goes on to the position the next beam would hit a point beyond it (eq. M103)."""
+    gap, sigma = _gap(end, position, normal, model)
+    distance = np.linalg.norm(position)
+    cosine = max(abs(normal @ position) / distance, 1e-6)
+    return gap <= distance * spacing / cosine + config.end_sigmas * sigma
+
+
+def _behind(points, position):
+    """Whether each point is counter-clockwise of the position."""
+    return _cross(position, points.T) > 0.0
+
+
+def _walls_end(points, position, wall_a, wall_b, model, config):
+    """Whether no beam passes the end of a wall and hits the other one behind it (eq. M104)."""
+    before = np.flatnonzero(~_behind(points, position))
+    split = int(before[-1]) + 1 if len(before) else 1
+    differences = _misfit(points, *wall_a, model) - _misfit(points, *wall_b, model)
+    limit = 2.0 * np.log(1.0 / config.corner_level)
+    for outwards in (differences[:split][::-1], -differences[split:]):
+        sums = np.cumsum(outwards)
+        # A test that is decided for the wall ends.
+        over = np.flatnonzero(sums < -100.0)
+        if (sums[: int(over[0]) if len(over) else len(sums)] > limit).any():
+            return False
+    return True
+
+
+def _may_be_arc(points, position, line_a, line_b, model, config, arcs):
+    """Whether an arc explains the points as well as two walls that meet at the position (eq. M105)."""
+    wall_a, wall_b = _unit_form(line_a), _unit_form(line_b)
+    corner = np.where(_behind(points, position), _misfit(points, *wall_b, model), _misfit(points, *wall_a, model)).sum()
+    limit = corner + 2.0 * np.log(len(points) / config.straight_level)
+    # The algebraic fit: x^2 + y^2 = 2 c . p + (r^2 - c^2), about the middle of the points.
+    middle = points.mean(axis=0)
+    design = np.column_stack([2.0 * (points - middle), np.ones(len(points))])
+    solution = np.linalg.lstsq(design, ((points - middle) ** 2).sum(axis=1), rcond=None)[0]
+    start = np.array([*(middle + solution[:2]), np.sqrt(solution[2] + solution[:2] @ solution[:2])])
+
+    def residuals(arc, variances=None):
+        away = points - arc[:2]
+        distances = np.linalg.norm(away, axis=1)
+        variances = arc_variances(arc) if variances is None else variances
+        return (distances - arc[2]) / np.sqrt(variances)
+
+    def arc_variances(arc):
+        normals = points - arc[:2]
+        normals = normals / np.linalg.norm(normals, axis=1)[:, None]
+        covs = cartesian_cov(
+            np.hypot(*points.T), np.arctan2(points[:, 1], points[:, 0]), model.sigma_range, model.sigma_bearing
+        )
+        return np.einsum("ij,ijk,ik->i", normals, covs, normals)
+
+    if (residuals(start) ** 2).sum() > 10.0 * limit:
+        return False
+    arc = start
+    for _ in range(2):
+        held = arc_variances(arc)
+        away = (points - arc[:2]) / np.linalg.norm(points - arc[:2], axis=1)[:, None]
+        jacobian = -np.column_stack([away, np.ones(len(points))]) / np.sqrt(held)[:, None]
+        arc = arc + np.linalg.lstsq(jacobian, -residuals(arc, held), rcond=None)[0]
+        if (residuals(arc) ** 2).sum() > 10.0 * limit:
+            return False
+    iterated = (residuals(arc) ** 2).sum()
+    best = 2.0 * scipy.optimize.least_squares(residuals, arc, x_scale="jac").cost
+    arcs.append((iterated, best, limit))
+    return iterated <= limit
 
 
 def _is_short(first, last, sigma_range, config):
@@ -269,19 +511,6 @@ def _rough(points):
     middle = points.mean(axis=0)
     normal = np.linalg.svd(points - middle)[2][1]
     return normal, normal @ middle
-
-
-def _without_stubs(segments, points, closed, sigma_range, config):
-    """Segments that may be lines, and whether each is joined to the next, be it through what was left out."""
-    least = config.min_points + 2 * config.trim_points
-    kept = [
-        i
-        for i, each in enumerate(segments)
-        if len(each) >= least and not _is_short(points[each[0]], points[each[-1]], sigma_range, config)
-    ]
-    touches = [a[-1] == b[0] for a, b in itertools.pairwise(segments)]
-    joined = [all(touches[i:j]) for i, j in itertools.pairwise(kept)] + [closed] * bool(kept)
-    return [segments[i] for i in kept], joined
 
 
 def _move_break(bounds, fixed, points, position, near):
@@ -312,13 +541,6 @@ def _step_back(index, limit, away):
     while index != limit and not away[index]:
         index += 1 if limit > index else -1
     return index
-
-
-def _meet(position, last_two, first_two, config):
-    """Both walls end at the position, as near as the spacing of their points tells."""
-    spacing = max(np.linalg.norm(np.diff(pair, axis=0)) for pair in (last_two, first_two))
-    gap = max(np.linalg.norm(position - point) for point in (last_two[-1], first_two[0]))
-    return bool(gap <= config.corner_gap_mm * 1e-3 + spacing)
 
 
 def _counter_clockwise(angles):
@@ -407,16 +629,29 @@ def _trim(segment, points, count, distance):
     return [int(segment[a]), int(segment[b])]
 
 
-def _corner(a, b, last_two, first_two, config):
+def _corner(a, b, ends, bends, points, spacing, model, config):
     arm_a, arm_b = a.ends[0] - a.ends[1], b.ends[1] - b.ends[0]
     arm_a, arm_b = arm_a / np.linalg.norm(arm_a), arm_b / np.linalg.norm(arm_b)
-    opening_angle = float(np.arccos(np.clip(arm_a @ arm_b, -1.0, 1.0)))
+    opening_angle = _angle(arm_a, arm_b)
     if not np.radians(config.corner_angle_min_deg) <= opening_angle <= np.radians(config.corner_angle_max_deg):
         return None
+    # An arc that turns as much from end to end runs into the other wall.
+    for line, bend in zip((a, b), bends, strict=True):
+        if np.pi - opening_angle <= 12.0 * bend / np.linalg.norm(line.ends[1] - line.ends[0]):
+            return None
     position, cov = intersect(a, b)
-    if not _meet(position, last_two, first_two, config):
+    walls = _unit_form(a), _unit_form(b)
+    for end, (normal, _) in zip(ends, walls, strict=True):
+        if not _reaches(end, position, normal, spacing, model, config):
+            return None
+        # The wall may end in the gap: a mixture of two corners (eq. M103).
+        gap, sigma = _gap(end, position, normal, model)
+        unseen = max(0.0, gap - config.end_sigmas * sigma)
+        along = np.array([-normal[1], normal[0]])
+        cov = cov + config.unseen_end / 3.0 * unseen**2 * np.outer(along, along)
+    if not _walls_end(points, position, *walls, model, config):
         return None
     bisector = arm_a + arm_b
     # The scan runs counter-clockwise: seen from the sensor a room's corner turns left, a pillar's right.
-    convex = bool(np.linalg.det(np.array([arm_a, arm_b])) > 0.0)
+    convex = bool(_cross(arm_a, arm_b) > 0.0)
     return TwinCorner(position, cov, opening_angle, float(np.arctan2(bisector[1], bisector[0])), convex)

@@ -5,7 +5,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from features.feature import Lines
 from features.noise.measure import Extract, RangeNoise, line_scatter, measure_sigma, pooled_noise
 from features.noise.rules import NoiseRules
 from features.noise.steps import no_return_range, range_step
@@ -66,7 +65,7 @@ class NoiseGauge:
     Parameters
     ----------
     model : sensor as it was configured.
-    extract : the extraction of the run.
+    extract : the extraction of the run, which takes no wall apart for what the assumed noise does not explain.
     use : whether the run is to use what is measured.
     rules : see there.
 
@@ -85,7 +84,7 @@ class NoiseGauge:
         self._rules = rules
         self._start: list[LaserScan] = []
         self._next = rules.start_scans
-        self._measured = 0
+        self._measured = self._watched = 0
         self._scatter: list[Array] = []
         self._noise: RangeNoise | None = None
         self._step = 0.0
@@ -129,8 +128,11 @@ class NoiseGauge:
         self._start = []
         return self.sensor != before
 
-    def watch(self, scan: LaserScan, lines: Lines) -> float | None:
-        """Watch a scan and its lines, extracted with :attr:`sensor`.
+    def watch(self, scan: LaserScan) -> float | None:
+        """Watch a scan, without the motion during its sweep.
+
+        Only every few scans is one extracted, by the rules of the gauge: lines that are split at what the assumed noise
+        does not explain would hide that the noise is larger.
 
         Returns
         -------
@@ -140,9 +142,11 @@ class NoiseGauge:
         if not self.ready:
             return None
         rules = self._rules
-        self._scatter.append(line_scatter(scan, lines, self.sensor, rules))
-        noise = self._noise if len(self._scatter) == 1 else None
-        if len(self._scatter) == rules.window:
+        noise = self._noise if self._watched == 0 else None
+        if self._watched % rules.watched == 0:
+            self._scatter.append(line_scatter(scan, self._extract(scan, self.sensor).lines, self.sensor, rules))
+        self._watched += 1
+        if self._watched % rules.window == 0:
             noise = pooled_noise(np.concatenate(self._scatter), rules)
             self._scatter = self._scatter[:0]
         return noise.sigma if noise is not None and self._contradicts(noise) else None

@@ -15,6 +15,7 @@ class NoiseRules:
     usable_error, wanted_error : relative standard error of sigma_range up to which it is used, and is good enough.
     start_scans, most_scans : scans on which it is measured, and at most where these do not tell it.
     window : scans after the start from which the noise is watched.
+    watched : every so many scans one is looked at afterwards.
     start : first sigma as a share of that of triples.
     rounds : extractions with the sigma of the one before, at most.
     settled : relative change of sigma_range that ends them.
@@ -37,6 +38,7 @@ class NoiseRules:
     start_scans: int = 16
     most_scans: int = 128
     window: int = 128
+    watched: int = 8
     start: float = 0.5
     rounds: int = 10
     settled: float = 0.02

@@ -75,7 +75,7 @@ def find_segments(xs, ys, jumps, total, var_range, var_bearing, rules, stack, se
         if i - begin + 1 >= rules.min_points:
             found = segments[count:]
             added = split_segments(xs, ys, begin, i, var_range, var_bearing, rules, stack, found)
-            kept = merge_segments(xs, ys, added, var_range, var_bearing, rules, found)
+            kept = merge_segments(xs, ys, added, var_range, var_bearing, rules, found) if rules.tested else added
             for k in range(kept):
                 found[k].joined = k + 1 < kept
             count += kept

@@ -12,6 +12,9 @@ SUMS = {"reassoc", "contract", "arcp", "nsz"}
 SINGULAR = 1e-12
 """A determinant smaller than this share of the product of its diagonal is rounding error."""
 
+PARALLEL = 0.5
+"""A beam meets a line if its point is within this share of the distance that it goes towards the line."""
+
 
 @inner()
 def split_crooked(xs, ys, segments, count, noise, rules, sums, stack, pieces):
@@ -61,7 +64,7 @@ def best_break(xs, ys, segment, noise, sums):
     if n < 4:
         return 0.0, begin
     normal_x, normal_y, offset = segment.normal_x, segment.normal_y, segment.offset
-    along_0 = normal_x * ys[begin] - normal_y * xs[begin]
+    _, along_0, _ = residual(xs[begin], ys[begin], normal_x, normal_y, offset, 0.0, noise)
     xs = xs[begin : begin + n]
     ys = ys[begin : begin + n]
     weights, alongs, residuals, gains = sums[5, :n], sums[6, :n], sums[7, :n], sums[8, :n]
@@ -94,7 +97,7 @@ def best_break(xs, ys, segment, noise, sums):
 def bend_of(xs, ys, segment, noise, rules):
     """Return how far the ends of a segment bend away from its line, where that is beyond chance [m] (eq. M102)."""
     normal_x, normal_y, offset = segment.normal_x, segment.normal_y, segment.offset
-    along_0 = normal_x * ys[segment.begin] - normal_y * xs[segment.begin]
+    _, along_0, _ = residual(xs[segment.begin], ys[segment.begin], normal_x, normal_y, offset, 0.0, noise)
     xs = xs[segment.begin : segment.end + 1]
     ys = ys[segment.begin : segment.end + 1]
     w_sum = ws_sum = wss_sum = wsss_sum = wssss_sum = wr_sum = wrs_sum = wrss_sum = s = 0.0
@@ -125,12 +128,19 @@ def bend_of(xs, ys, segment, noise, rules):
 
 @inner(inline="always")
 def residual(x, y, normal_x, normal_y, offset, along_0, noise):
-    """Return weight, abscissa and residual of a point at a line."""
+    """Return weight, abscissa and residual of a point at a line.
+
+    The abscissa is where the beam meets the line: that of the point has the same noise of the range as the residual,
+    which an oblique line would explain by a slope wherever the beams are denser than the noise.
+    """
     across = normal_x * x + normal_y * y
     along = normal_x * y - normal_y * x
+    apart = across - offset
+    # Nearly along the line a beam meets it anywhere.
+    hit = along * (offset / across) if abs(apart) < PARALLEL * abs(across) else along
     # Eq. M3 times the squared range: sine and cosine of the incidence are the parts along and across, over the range.
     variance2 = noise[0] * across * across + noise[1] * along * along * (x * x + y * y)
-    return (x * x + y * y) / variance2, along - along_0, across - offset
+    return (x * x + y * y) / variance2, hit - along_0, apart
 
 
 @inner(inline="always")

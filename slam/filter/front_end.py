@@ -17,7 +17,7 @@ from slam.filter.association import Association, Associator, Gates, associate, a
 from slam.filter.ekf import POSE_DIM, LandmarkEkf, block_diagonal, corner_jacobian_blocks
 from slam.filter.landmark_table import ACTIVE, LandmarkTable
 from slam.filter.rules import FilterRules
-from slam.odometry.beams import seen_through
+from slam.odometry.beams import IN_SIGHT, PASSED, look_at
 
 Indices = NDArray[np.int64]
 
@@ -118,12 +118,21 @@ class FrontEnd:
         self._seen_at_once.update(combinations(sorted(points.tolist()), 2))
 
     def count_misses(self, scan: LaserScan, sensor: SensorModel, seen: Indices) -> None:
-        """Count misses of the landmarks not ``seen`` now; remove those with more misses than observations."""
+        """Count what a scan shows of the landmarks not ``seen`` now; remove those that it contradicts too often.
+
+        A landmark is missed where beams pass its place, and overlooked where its place is in sight from where both its
+        walls show, no farther away than it was seen from, and no corner was found there.
+        """
         if not self.active.size:
             return
-        missed = seen_through(scan, sensor, transform_inverse(self.ekf.pose, self.ekf.landmarks), self._rules.beams)
-        missed &= ~_among(self.active, seen)
-        self._drop(self.table.miss(self.active, missed))
+        points = transform_inverse(self.ekf.pose, self.ekf.landmarks)
+        shown = look_at(scan, sensor, points, self._rules.beams)
+        elsewhere = ~_among(self.active, seen)
+        near = np.hypot(*points.T) <= self.table.farthest[self.active]
+        x, y = (self.ekf.pose[:2] - self.ekf.landmarks).T
+        faced = self.table.signatures(self.active).faced(np.arctan2(y, x), self._rules.grazing)
+        missed, overlooked = elsewhere & (shown == PASSED), elsewhere & (shown == IN_SIGHT) & near & faced
+        self._drop(self.table.miss(self.active, missed, overlooked, self._rules.least_sighted))
 
     def merge(self) -> list[tuple[int, int]]:
         """Merge landmarks that are one; return the pairs, the landmark that is kept first (eq. M46-M47)."""

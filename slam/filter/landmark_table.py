@@ -25,6 +25,7 @@ class LandmarkCounts:
     tentative : not seen often enough yet to be on the map.
     confirmed : seen often enough.
     pruned : removed, as they had more misses than observations; tentative and confirmed ones.
+    seldom_seen : removed, as they were seen in too few of the scans that had their places in sight.
     merged : found to be another one.
     rested, woken : number of deactivations and reactivations.
     """
@@ -33,6 +34,7 @@ class LandmarkCounts:
     tentative: int
     confirmed: int
     pruned: int
+    seldom_seen: int
     merged: int
     rested: int
     woken: int
@@ -50,6 +52,8 @@ class LandmarkTable:
     identities : by which the source knows each, -1 for none, shape (n,).
     observations : times each was seen, shape (n,).
     misses : times each should have been seen, but the beams went through its place, shape (n,).
+    overlooked : times its place was in sight, but no corner was found there, shape (n,).
+    farthest : largest distance from which each was seen, shape (n,) [m].
     key_frames : anchor of an inactive landmark, or :data:`ACTIVE`, :data:`MERGED`, :data:`REMOVED`,
         shape (n,).
     anchors : key frame that saw each landmark last, :data:`ACTIVE` where none has yet, shape (n,).
@@ -64,12 +68,14 @@ class LandmarkTable:
         self.identities: Indices = np.empty(0, np.int64)
         self.observations: Indices = np.empty(0, np.int64)
         self.misses: Indices = np.empty(0, np.int64)
+        self.overlooked: Indices = np.empty(0, np.int64)
+        self.farthest: Array = np.empty(0)
         self.key_frames: Indices = np.empty(0, np.int64)
         self.anchors: Indices = np.empty(0, np.int64)
         self.headings: Array = np.empty(0)
         self.positions: Array = np.empty((0, 2))
         self.covs: Array = np.empty((0, 2, 2))
-        self._rested = self._woken = 0
+        self._rested = self._woken = self._seldom_seen = 0
 
     def __len__(self) -> int:
         return self.observations.size
@@ -99,9 +105,12 @@ class LandmarkTable:
     def counts(self, least_observations: int) -> LandmarkCounts:
         """Count what became of them, given how often a landmark has to be seen to be confirmed."""
         confirmed = int(self.confirmed(least_observations).sum())
-        pruned, merged = int((self.key_frames == REMOVED).sum()), int((self.key_frames == MERGED).sum())
-        tentative = len(self) - confirmed - pruned - merged
-        return LandmarkCounts(len(self), tentative, confirmed, pruned, merged, self._rested, self._woken)
+        removed, merged = int((self.key_frames == REMOVED).sum()), int((self.key_frames == MERGED).sum())
+        tentative = len(self) - confirmed - removed - merged
+        pruned = removed - self._seldom_seen
+        return LandmarkCounts(
+            len(self), tentative, confirmed, pruned, self._seldom_seen, merged, self._rested, self._woken
+        )
 
     def add(
         self, corners_robot: Corners, chosen: Indices, heading: float, identities: Indices | None = None
@@ -114,6 +123,8 @@ class LandmarkTable:
         self.identities = np.concatenate([self.identities, known])
         self.observations = np.concatenate([self.observations, np.ones(count, np.int64)])
         self.misses = np.concatenate([self.misses, np.zeros(count, np.int64)])
+        self.overlooked = np.concatenate([self.overlooked, np.zeros(count, np.int64)])
+        self.farthest = np.concatenate([self.farthest, _distances(corners_robot, chosen)])
         self.key_frames = np.concatenate([self.key_frames, np.full(count, ACTIVE)])
         self.anchors = np.concatenate([self.anchors, np.full(count, ACTIVE)])
         self.headings = np.concatenate([self.headings, np.full(count, np.nan)])
@@ -125,6 +136,7 @@ class LandmarkTable:
         """Count the chosen corners as observations of these landmarks, each landmark at most once."""
         self._sums[landmarks] += _signature(corners_robot, chosen, heading)
         self.observations[landmarks] += 1
+        self.farthest[landmarks] = np.maximum(self.farthest[landmarks], _distances(corners_robot, chosen))
 
     def anchor(self, landmarks: Indices, key_frame: int, heading: float, positions_robot: Array, covs: Array) -> None:
         """Remember where landmarks are from a key frame of that heading: positions (k, 2), covariances (k, 2, 2)."""
@@ -155,22 +167,43 @@ class LandmarkTable:
         self.turn(landmarks, angle)
         self.headings[landmarks] += angle
 
-    def miss(self, landmarks: Indices, missed: NDArray[np.bool_]) -> NDArray[np.bool_]:
-        """Count misses; remove landmarks with more misses than observations, and return which, shape (k,)."""
+    def miss(
+        self,
+        landmarks: Indices,
+        missed: NDArray[np.bool_],
+        overlooked: NDArray[np.bool_],
+        least_sighted: float,
+    ) -> NDArray[np.bool_]:
+        """Count misses and what was overlooked; remove landmarks that are contradicted, and return which, shape (k,).
+
+        These have more misses than observations, or fewer than the share ``least_sighted`` of all that had them in
+        sight, one observation taken as granted, as a share of few is uncertain.
+        """
         self.misses[landmarks[missed]] += 1
-        removed = self.misses[landmarks] > self.observations[landmarks]
-        self.key_frames[landmarks[removed]] = REMOVED
-        return removed
+        self.overlooked[landmarks[overlooked]] += 1
+        observations = self.observations[landmarks]
+        pruned = self.misses[landmarks] > observations
+        sighted = observations + 1
+        seldom = ~pruned & (sighted < least_sighted * (sighted + self.overlooked[landmarks]))
+        self._seldom_seen += int(seldom.sum())
+        self.key_frames[landmarks[pruned | seldom]] = REMOVED
+        return pruned | seldom
 
     def merge(self, kept: int, other: int) -> None:
         """Merge two landmarks: ``kept`` takes the counts of ``other``, and its anchor if that is newer."""
         self._sums[kept] += self._sums[other]
         self.observations[kept] += self.observations[other]
         self.misses[kept] += self.misses[other]
+        self.overlooked[kept] += self.overlooked[other]
+        self.farthest[kept] = max(self.farthest[kept], self.farthest[other])
         if self.anchors[other] > self.anchors[kept]:
             for column in (self.anchors, self.headings, self.positions, self.covs):
                 column[kept] = column[other]
         self.key_frames[other] = MERGED
+
+
+def _distances(corners_robot: Corners, chosen: Indices) -> Array:
+    return np.hypot(*corners_robot.positions[chosen].T)
 
 
 def _signature(corners_robot: Corners, chosen: Indices, heading: float) -> Array:

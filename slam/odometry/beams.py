@@ -16,44 +16,63 @@ from slam.odometry.line_map import LENGTH, NORMAL_X, NORMAL_Y, WALL_X, WALL_Y
 from slam.odometry.rules import BeamRules
 from slam.odometry.scan_points import ScanPoints, beams_on_wall, pseudo_angles
 
+HIDDEN, IN_SIGHT, PASSED = range(3)
+"""What the beams next to a point show of its place: nothing, a surface there, or that there is none."""
+
 UNKNOWN, ON, BEFORE, THROUGH = range(4)
 """Where a beam ends."""
 
 
-def seen_through(
+def look_at(
     scan: LaserScan,
     sensor: SensorModel,
     points_robot: Array,
     rules: BeamRules = BeamRules(),  # noqa: B008, frozen
-) -> NDArray[np.bool_]:
-    """Whether every beam next to a point ends well behind it, so that nothing is there, shape (n,)."""
+) -> NDArray[np.int64]:
+    """Return what a scan shows of the places of points, shape (n,).
+
+    :data:`PASSED` where every beam next to a point ends well behind it, so that nothing is there; :data:`IN_SIGHT`
+    where at least half of them end near it; else :data:`HIDDEN`.
+
+    Parameters
+    ----------
+    scan : sensor frame.
+    sensor : its limits and mounting.
+    points_robot : robot frame, shape (n, 2) [m].
+    rules : which beams are next to a point, how far behind it they have to end, and within half of that, near it.
+    """
     if not len(scan):
-        return np.zeros(len(points_robot), np.bool_)
+        return np.full(len(points_robot), HIDDEN)
     points_sensor = sensor.mounting.points_to_sensor(points_robot)
-    return _seen_through(
+    return _look_at(
         scan.ranges, scan.angles, sensor.range_min, sensor.range_max, points_sensor, rules.behind, rules.beside
     )
 
 
 @kernel(READ_ONLY, READ_ONLY, f8, f8, f8[:, ::1], f8, i8)
-def _seen_through(ranges, angles, range_min, range_max, points, behind, each_side):
+def _look_at(ranges, angles, range_min, range_max, points, behind, each_side):
     angles = angles % TWO_PI
     order = np.argsort(angles, kind="mergesort")
     angles = angles[order]
-    through = np.ones(len(points), np.bool_)
+    shown = np.full(len(points), HIDDEN)
     for k in range(len(points)):
         distance = math.hypot(points[k, 0], points[k, 1])
         bearing = math.atan2(points[k, 1], points[k, 0]) % TWO_PI
         at = np.searchsorted(angles, bearing)
+        passed = near = 0
         for beside in range(at - each_side, at + each_side):
             beam = beside % angles.size
             reach = ranges[order[beam]]
-            returned = is_return(reach, range_min, range_max)
             # A gap in the scan, such as behind a sensor that does not look all round, shows nothing.
             off = distance * abs((angles[beam] - bearing + math.pi) % TWO_PI - math.pi)
-            if not (returned and reach > distance + behind and off < behind):
-                through[k] = False
-    return through
+            if is_return(reach, range_min, range_max) and off < behind:
+                passed += reach > distance + behind
+                near += abs(reach - distance) <= 0.5 * behind
+        if passed == 2 * each_side:
+            shown[k] = PASSED
+        elif near >= each_side:
+            shown[k] = IN_SIGHT
+    return shown
 
 
 def beams_through_walls(

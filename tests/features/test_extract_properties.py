@@ -125,12 +125,12 @@ def test_a_scan_turned_by_any_angle_moves_corners_of_cwlf_by_a_part_of_their_sig
         expected = moved(extract(scan, MODEL, config).corners, rotation(angle))
         turned = extract(LaserScan(scan.ranges, scan.angles + angle), MODEL, config).corners
         if len(turned) != len(expected):
-            # An opening angle of 30 or 150 deg, or a gap, at its limit.
+            # An opening angle, the reach of a wall or another test of a corner at its limit.
             differing += 1
             continue
         apart = turned.positions - expected.positions
         moves += list(np.sqrt(np.einsum("ki,kij,kj->k", apart, np.linalg.inv(expected.covs), apart)))
-    assert differing <= 4
+    assert differing <= 20
     assert len(moves) > 1000
     assert np.quantile(moves, 0.5) < 0.35
     assert np.quantile(moves, 0.9) < 1.2
@@ -206,7 +206,6 @@ CONFIGS = st.sampled_from(
             gap_beams=1000.0,
             corner_angle_min_deg=1e-3,
             corner_angle_max_deg=179.999,
-            corner_gap_mm=1e6,
             fit="cwlf",
             covariance="paper",
         ),

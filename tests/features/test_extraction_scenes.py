@@ -12,7 +12,9 @@ from laws import law
 from scenes import FULL_TURN, HALF_TURN, corners_in_sensor_frame, exact_scan, polygon, square
 
 from features import ExtractionConfig, LaserScan, extract, sensor_preset
-from sim import World, room
+from features.fitting.corner import intersect
+from features.fitting.line_fit import fit_cwlf
+from sim import ENVIRONMENT_A_POSE, Lidar, World, environment_a, room
 
 MODEL = sensor_preset("rplidar-s1")
 EXACT = 1e-9
@@ -268,3 +270,26 @@ def test_a_range_of_zero_is_no_return_for_a_sensor_without_a_shortest_range():
     ranges[5:9] = [0.02, 0.0, 0.03, 0.02]
     features = extract(LaserScan(ranges, scan.angles), dataclasses.replace(MODEL, range_min=0.0))
     assert len(features.corners) >= 3
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_the_preset_of_the_paper_fits_all_points_of_each_segment_and_intersects_neighbours(seed):
+    """Eq. 20-35 with eq. 31-32 on the beams of each line, and eq. 40-48 on each two neighbours."""
+    model = sensor_preset("rplidar-s1")
+    scan = Lidar.of_preset("rplidar-s1").scan(environment_a(), ENVIRONMENT_A_POSE, 0.0, np.random.default_rng(seed))
+    found = extract(scan, model, ExtractionConfig(preset="paper"))
+    assert len(found.corners) >= 4
+    lines = list(found.lines)
+    for line, (first, last) in zip(lines, found.lines.beams, strict=True):
+        beams = np.arange(first, last + 1 if last >= first else last + 1 + len(scan)) % len(scan)
+        beams = beams[model.returned(scan.ranges[beams])]
+        expected = fit_cwlf(scan.ranges[beams], scan.angles[beams], model, "paper")
+        assert line.count == len(beams)
+        np.testing.assert_allclose(line.params, expected.params, rtol=1e-9, atol=1e-9)
+        np.testing.assert_allclose(line.cov, expected.cov, rtol=1e-7, atol=1e-15)
+    crossings = [intersect(a, b) for a, b in zip(lines, [*lines[1:], lines[0]], strict=True)]
+    for corner in found.corners:
+        apart = [
+            np.abs(corner.position - position).max() + np.abs(corner.cov - cov).max() for position, cov in crossings
+        ]
+        assert min(apart) < 1e-9

@@ -83,3 +83,34 @@ def test_what_is_put_together_is_found_again_by_index(seed):
     for part, index in ((parts[0], slice(count)), (parts[1], np.arange(count, len(both)))):
         for name in ("kinds", "opening_angles", "orientations"):
             np.testing.assert_array_equal(getattr(both[index], name), getattr(part, name))
+
+
+def cross(one, other):
+    return one[0] * other[1] - one[1] * other[0]
+
+
+@pytest.mark.parametrize("kind", [Kind.CONCAVE, Kind.CONVEX])
+@given(st.floats(0.6, 2.6), st.floats(-math.pi, math.pi), st.floats(-math.pi, math.pi), st.floats(0.0, 0.25))
+def test_a_corner_is_faced_where_the_lines_of_sight_meet_both_walls_by_more_than_grazing(
+    kind, opening, orientation, direction, grazing
+):
+    """Against the angles from the line of sight to the two walls, which run away from the sensor at a convex corner."""
+    walls = orientation + np.array([-0.5, 0.5]) * opening
+    place = np.array([math.cos(direction), math.sin(direction)])
+    along = np.stack([np.cos(walls), np.sin(walls)])
+    inner = np.array([math.cos(orientation), math.sin(orientation)])
+    sides = cross(along, place) * np.sign(cross(along, inner))
+    # Inside the angle of a concave corner; opposite to it, outside of both walls, at a convex one.
+    sines = sides if kind == Kind.CONCAVE else -sides
+    ahead = place @ inner if kind == Kind.CONCAVE else -place @ inner
+    assume(abs(sines - math.sin(grazing)).min() > 1e-6)
+    assume(abs(ahead) > 1e-6)
+    expected = ahead > 0.0 and (sines > math.sin(grazing)).all()
+    found = Signatures(np.array([kind]), np.array([opening]), np.array([orientation])).faced(
+        np.array([direction]), grazing
+    )
+    assert found.tolist() == [expected]
+
+
+def test_a_point_is_faced_from_everywhere():
+    assert Signatures.of_points(3).faced(np.array([0.0, 2.0, -1.0]), 0.2).all()

@@ -216,3 +216,15 @@ def test_the_noise_is_measured_unless_it_is_given(write):
     assert (both.noise, both.sigma_range_mm) == ("measured", 33.0)
     with pytest.raises(ConfigError, match=r"sensor\.noise"):
         load_config(write('[sensor]\nnoise = "guessed"'))
+
+
+def test_a_file_may_take_the_extraction_of_the_paper_and_change_it(write):
+    config = load_config(write('[extraction]\npreset = "paper"\nmin_points = 7\n'), source=WITHOUT_ODOMETRY)
+    assert (config.extraction.fit, config.extraction.tested, config.extraction.min_points) == ("cwlf", False, 7)
+    assert load_config(write(to_toml(config)), source=WITHOUT_ODOMETRY) == config
+
+
+def test_a_key_that_is_gone_is_left_out_with_a_warning(write):
+    with pytest.warns(DeprecationWarning, match=r"extraction\.corner_gap_mm"):
+        config = load_config(write("[extraction]\ncorner_gap_mm = 80.0\n"), source=WITHOUT_ODOMETRY)
+    assert config == load_config(None, source=WITHOUT_ODOMETRY)

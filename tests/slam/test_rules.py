@@ -26,7 +26,7 @@ LAYOUT = {
     "slam.odometry.registration_kernel": {
         *("WEIGHT", "JACOBIAN_X", "JACOBIAN_Y", "JACOBIAN_TURN", "RESIDUAL", "CERTAINTY"),
     },
-    "slam.odometry.beams": {"UNKNOWN", "ON", "BEFORE", "THROUGH"},
+    "slam.odometry.beams": {"HIDDEN", "IN_SIGHT", "PASSED", "UNKNOWN", "ON", "BEFORE", "THROUGH"},
     "slam.filter.ekf": {"POSE_DIM"},
     "slam.filter.landmark_table": {"ACTIVE", "MERGED", "REMOVED"},
     "slam.graph.multi_hypothesis": {"ROOM"},

@@ -6,13 +6,15 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from features import LaserScan, extract, sensor_preset
+from features import ExtractionConfig, LaserScan, sensor_preset
 from features.noise.gauge import NoiseGauge
 from features.noise.measure import line_scatter, measure_sigma, pooled_noise, sigma_of_triples
 from features.noise.rules import NoiseRules
 from features.noise.steps import no_return_range, range_step
+from slam.parts import CwlfExtractor
 
 RULES = NoiseRules()
+extract = CwlfExtractor(ExtractionConfig()).of_whole_walls()
 MODEL = replace(sensor_preset("rplidar-s1"), sigma_range=0.01, sigma_bearing=math.radians(0.05))
 BOX = np.array([[-4.0, -2.5], [3.0, -2.5], [3.0, 2.5], [-4.0, 2.5]])
 
@@ -202,7 +204,7 @@ def test_a_gauge_that_keeps_what_is_given_says_what_contradicts_it(sigma, contra
     scans = scans_of(sigma, 15, beams=720)
     assert not any(of.see(scan) for scan in scans)
     assert of.sensor == MODEL
-    seen = of.watch(scans[0], extract(scans[0], MODEL).lines)
+    seen = of.watch(scans[0])
     assert (seen is not None) == contradicts
     if seen is not None:
         assert seen == pytest.approx(sigma, rel=0.1)
@@ -213,7 +215,7 @@ def test_a_gauge_sees_a_scanner_that_becomes_worse():
     for scan in scans_of(0.01, 16, beams=720):
         of.see(scan)
     later = scans_of(0.03, 17, count=RULES.window, beams=720)
-    seen = [of.watch(scan, extract(scan, of.sensor).lines) for scan in later]
+    seen = [of.watch(scan) for scan in later]
     assert seen[:-1] == [None] * (RULES.window - 1)
     assert seen[-1] is not None
     assert seen[-1] > 0.02

@@ -18,7 +18,7 @@ from slam.filter.ekf import predict_corners
 from slam.filter.front_end import FrontEnd
 from slam.filter.landmark_table import ACTIVE, MERGED, REMOVED
 from slam.filter.rules import FilterRules
-from slam.odometry.beams import seen_through
+from slam.odometry.beams import HIDDEN, IN_SIGHT, PASSED, look_at
 from slam.odometry.rules import BeamRules
 
 KEEP = 5.0
@@ -242,6 +242,10 @@ def test_landmarks_that_differ_stay_two(change, merged):
     assert front.merge() == merged
 
 
+def seen_through(scan, model, points):
+    return look_at(scan, model, points) == PASSED
+
+
 def ring(radius, count=360, clockwise=False, turned=0.0):
     angles = turned + 2.0 * math.pi / count * np.arange(count)
     return LaserScan(np.full(count, radius), -angles if clockwise else angles)
@@ -296,6 +300,57 @@ def test_a_gap_shows_nothing():
     # Beams too far apart to tell of a point between them.
     coarse = LaserScan(np.full(36, 8.0), np.radians(np.arange(0.0, 360.0, 10.0)))
     assert seen_through(coarse, sensor(), np.array([[0.5, 0.2], [5.0, 2.0]])).tolist() == [True, False]
+
+
+@given(headings, st.floats(1.0, 8.0), st.floats(-0.6, 0.6))
+def test_a_place_is_in_sight_where_beams_end_near_it(bearing, distance, off):
+    """Within half of what counts as behind, on either side; a convex corner has half of the beams behind it."""
+    assume(abs(abs(off) - 0.5 * BEHIND) > 1e-6)
+    assume(abs(off - BEHIND) > 1e-6)
+    point = distance * np.array([[math.cos(bearing), math.sin(bearing)]])
+    shown = look_at(ring(distance + off), sensor(), point)[0]
+    assert shown == (IN_SIGHT if abs(off) < 0.5 * BEHIND else PASSED if off > BEHIND else HIDDEN)
+    scan = ring(distance)
+    away = wrap_angle(scan.angles - bearing)
+    # A beam at the point itself counts to one side or the other.
+    assume(np.abs(away).min() > 1e-6)
+    ahead = away > 0.0
+    corner = LaserScan(np.where(ahead, distance, distance + 3.0), scan.angles)
+    assert look_at(corner, sensor(), point).tolist() == [IN_SIGHT]
+
+
+@pytest.mark.parametrize(("overlooked", "kept"), [(8, True), (9, False)])
+def test_a_landmark_ends_when_it_was_seldom_seen_where_it_is_in_sight(overlooked, kept):
+    """Seen once, and one more taken as granted: two of ten are the share of 0.2 that is asked, two of eleven less."""
+    front = front_end()
+    front.observe(corners([[2.0, 0.0]], orientations=math.pi))
+    nothing = np.empty(0, np.int64)
+    for _ in range(overlooked):
+        front.count_misses(ring(2.0), sensor(), nothing)
+    assert front.table.overlooked.tolist() == [overlooked]
+    assert (front.active.size == 1) == kept
+    counts = front.table.counts(1)
+    assert (counts.seldom_seen, counts.pruned) == (0 if kept else 1, 0)
+
+
+def test_a_place_farther_away_than_a_landmark_was_seen_from_tells_nothing():
+    front = front_end()
+    front.observe(corners([[2.0, 0.0]], orientations=math.pi))
+    nothing = np.empty(0, np.int64)
+    front.count_misses(ring(2.0), sensor(), nothing)
+    front.move(pose(-0.5, 0.0, 0.0), np.zeros((3, 3)))
+    for _ in range(20):
+        front.count_misses(ring(2.5), sensor(), nothing)
+    assert front.table.overlooked.tolist() == [1]
+
+
+def test_a_place_from_which_one_wall_shows_tells_nothing():
+    """The front of a pillar, seen at a right angle: its corner is there, but it cannot be found."""
+    front = front_end()
+    front.observe(corners([[2.0, 0.0]], convex=True, openings=math.pi / 2.0, orientations=math.radians(50.0)))
+    for _ in range(20):
+        front.count_misses(ring(2.0), sensor(), np.empty(0, np.int64))
+    assert front.table.overlooked.tolist() == [0]
 
 
 @pytest.mark.parametrize("beams", [0, 1, 3])
