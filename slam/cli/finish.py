@@ -37,7 +37,7 @@ def save(folder: Path, title: str, result: SlamResult, error: CwlfError | None) 
     if metrics.noise is not None:
         typer.echo(metrics.noise.sentence)
     for reason in metrics.trust.reasons:
-        typer.echo(f"not to be trusted: {reason.sentence} (first at {reason.stamp:.3f} s)")
+        typer.echo(f"not to be trusted: {reason.sentence} (from {reason.stamp:.3f} s until {reason.until:.3f} s)")
     typer.echo(f"run folder: {folder}")
 
 

@@ -164,6 +164,35 @@ def slam(
 
 
 @study.command()
+def trust(
+    runs: Annotated[int, typer.Option("--runs", min=0, help="Simulated runs without fault.")] = 200,
+    faulty: Annotated[
+        int, typer.Option("--faulty", min=0, help="Simulated runs with a fault, the faults by turns.")
+    ] = 200,
+    limit: Annotated[int, typer.Option("--limit", min=2, help="Stop each run after so many scans.")] = 120,
+    seed: Seed = 1,
+    scheduler: Scheduler = None,
+    workers: Workers = None,
+    out: Out = None,
+    overwrite: Overwrite = False,
+) -> None:
+    """Put faults into simulated runs: how many wrong runs are told, and how many right ones are not trusted."""
+    from slam.study.tasks.run import failure_message
+    from slam.study.trust.report import study_trust
+    from slam.study.trust.runs import TrustSettings
+
+    if not runs + faulty:
+        raise typer.BadParameter("no run is left: expected at least one with or without fault", param_hint="--runs")
+    settings = TrustSettings(runs=runs, faulty=faulty, scans=limit, seed=seed)
+    with _begun("trust", "trust", settings, out, overwrite, scheduler, workers) as (client, folder):
+        lines, failures = study_trust(client, folder, settings)
+        _print(lines, folder)
+        if failures:
+            typer.echo(f"cwlf-slam: {failure_message(folder, failures, runs + faulty)}", err=True)
+            raise typer.Exit(1)
+
+
+@study.command()
 def timing(
     repeats: Annotated[int, typer.Option("--repeats", min=1, help="Times each figure is taken; the least counts.")] = 7,
     sigma_range_mm: SigmaRange = 50.0,

@@ -3,7 +3,7 @@
 import logging
 import math
 from collections import deque
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.spatial import KDTree
@@ -24,12 +24,14 @@ class Reason:
     ----------
     what : short name.
     stamp : when it was noticed first [s].
-    sentence : what was noticed, and where to look.
+    sentence : what was noticed first, and where to look.
+    until : when it was noticed last [s].
     """
 
     what: str
     stamp: float
     sentence: str
+    until: float
 
 
 @dataclass(frozen=True, slots=True)
@@ -41,13 +43,14 @@ class Trust:
 
 
 class TrustMonitor:
-    """Collects reasons, each kind once, at its first time.
+    """Collects reasons, each kind once, from its first time until its last.
 
     Parameters
     ----------
     match_probability : chi-square level of the gate of the association.
     sure_share : share of its points that lie on known walls with which a scan is sure to fit.
-    wheels : the motion is predicted by wheels, so that they may be judged by the scans.
+    wheels : the motion is predicted by wheels, so that it is these that rejected predictions speak against; else by a
+        steady motion.
     rules : from where on a run is not trusted.
     """
 
@@ -130,8 +133,7 @@ class TrustMonitor:
             motion, by_wheels = between(self._pose_map, pose_map), between(self._pose_odom, pose_odom)
             if share is None or share < self._sure_share:
                 self._compare(stamp, points, motion)
-            if self._wheels:
-                self._judge_wheels(stamp, motion, by_wheels, rejected=rejected)
+            self._judge_predictions(stamp, motion, by_wheels, rejected=rejected)
         self._points, self._pose_map, self._pose_odom = points, pose_map, pose_odom
 
     def scattered(self, stamp: float, sigma: float, assumed: float) -> None:
@@ -153,16 +155,21 @@ class TrustMonitor:
         small = math.hypot(motion[0], motion[1]) < rules.small_motion and abs(float(motion[2])) < rules.small_turn
         if min(len(points), len(self._points)) < rules.fewest_points or not small:
             return
-        distances, _ = KDTree(self._points).query(transform(motion, points), distance_upper_bound=rules.near)
-        if np.isfinite(distances).mean() < rules.least_overlap:
+        here, before = transform(motion, points), self._points
+        # Where a door opens or the robot passes a corner, most of a scan is new, but what was in sight still is.
+        shares = [
+            np.isfinite(KDTree(of).query(points, distance_upper_bound=rules.near)[0]).mean()
+            for of, points in ((before, here), (here, before))
+        ]
+        if max(shares) < rules.least_overlap:
             self._add_reason(
                 "carried away", stamp,
                 "the scan shows neither the walls known nor what the scan before showed: the robot was carried away, "
                 "and what follows may lie anywhere relative to what came before",
             )  # fmt: skip
 
-    def _judge_wheels(self, stamp: float, motion: Pose, by_wheels: Pose, *, rejected: bool) -> None:
-        """Add a reason if scans reject too many predictions by the wheels; name a constant heading offset."""
+    def _judge_predictions(self, stamp: float, motion: Pose, by_wheels: Pose, *, rejected: bool) -> None:
+        """Add a reason if scans reject too many predictions; name a constant heading offset of the wheels."""
         rules = self._rules
         moved = max(math.hypot(motion[0], motion[1]), math.hypot(by_wheels[0], by_wheels[1])) > rules.moving
         if not (moved or max(abs(motion[2]), abs(by_wheels[2])) > rules.turning):
@@ -172,7 +179,9 @@ class TrustMonitor:
             by_wheels[0], -by_wheels[1]
         )
         share = sum(self._rejected) / rules.judged
-        if len(self._rejected) == rules.judged and share > rules.most_rejected:
+        if len(self._rejected) < rules.judged or share <= rules.most_rejected:
+            return
+        if self._wheels:
             angle = math.atan2(self._directions.imag, self._directions.real)
             beside = f", by which the robot moves {math.degrees(angle):.0f} deg beside its heading"
             turned = beside if abs(angle) > rules.beside_heading else ""
@@ -181,8 +190,17 @@ class TrustMonitor:
                 f"the odometry is contradicted by {share:.0%} of {rules.judged} scans{turned}: look at the "
                 "odometry and at the mounting of the sensor in the configuration",
             )  # fmt: skip
+        else:
+            self._add_reason(
+                "motion", stamp,
+                f"{share:.0%} of {rules.judged} scans fit only where a steady motion does not lead: the robot moves "
+                "faster than the scans can follow, or similar places are taken for each other; give odometry or "
+                "drive more slowly",
+            )  # fmt: skip
 
     def _add_reason(self, what: str, stamp: float, sentence: str) -> None:
-        if what not in self._reasons:
-            self._reasons[what] = Reason(what, stamp, sentence)
-            logger.warning("at %.3f s: %s", stamp, sentence)
+        if (known := self._reasons.get(what)) is not None:
+            self._reasons[what] = replace(known, until=stamp)
+            return
+        self._reasons[what] = Reason(what, stamp, sentence, stamp)
+        logger.warning("at %.3f s: %s", stamp, sentence)

@@ -45,6 +45,22 @@ def test_a_study_prints_its_summary_and_fills_its_folder(cwlf: Call, client: Cli
     assert cwlf(*command, "--overwrite")[0] == 0
 
 
+@pytest.mark.slow
+def test_the_study_of_trust_prints_its_rates_and_fills_its_folder(cwlf: Call, client: Client, tmp_path: Path) -> None:
+    folder = tmp_path / "study"
+    command = ("study", "trust", "--runs", 1, "--faulty", 1, "--limit", 5, "--out", folder)
+    code, out, _ = cwlf(*command, "--scheduler", client.scheduler.address)
+    assert code == 0
+    assert "1 runs without and 1 with a fault, 0 failed" in out
+    assert {path.name for path in folder.iterdir()} == {"runs.csv", "summary.json", "page.md", "settings.toml"}
+
+
+def test_a_study_of_trust_without_runs_is_bad_usage(cwlf: Call) -> None:
+    code, _, err = cwlf("study", "trust", "--runs", 0, "--faulty", 0)
+    assert code == 2
+    assert "at least one" in err
+
+
 def test_an_environment_that_is_not_there_is_bad_usage(cwlf: Call) -> None:
     assert cwlf("study", "corners", "--environment", "C")[0] == 2
     assert cwlf("study", "corners")[0] == 2

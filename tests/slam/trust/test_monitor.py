@@ -126,6 +126,16 @@ def test_a_scan_of_which_more_than_half_is_new_is_doubted(new, doubted):
     assert [what for what, _ in raised(monitor)] == ["carried away"] * doubted
 
 
+@pytest.mark.parametrize("opens", [True, False])
+def test_a_scan_that_shows_much_more_or_much_less_of_the_same_is_not_doubted(opens):
+    """A door opens or closes, and the robot is where it was."""
+    few, many = PILLARS[: RULES.fewest_points], np.concatenate([PILLARS[: RULES.fewest_points], PILLARS + 0.9])
+    monitor = watching()
+    monitor.registered(1.0, few if opens else many, pose(), pose(), SURE, rejected=False)
+    monitor.registered(2.0, many if opens else few, pose(), pose(), NOWHERE, rejected=False)
+    assert raised(monitor) == []
+
+
 @pytest.mark.parametrize("share", [NOWHERE, 0.1])
 def test_a_scan_is_laid_on_the_one_before_by_the_motion_between_them(share):
     """From 0.45 m further on and 18 deg turned, each way: all else would put these points beside those of before."""
@@ -164,17 +174,25 @@ def test_wheels_are_doubted_where_too_many_of_the_latest_scans_contradict_them()
     assert "beside its heading" not in reason.sentence
 
 
-def test_wheels_are_judged_in_motion_only_and_only_where_they_predict():
+def test_wheels_are_judged_in_motion_only():
     standing = watching()
     driven(standing, [True] * 3 * RULES.judged, pose(0.01), pose(0.01))
     assert raised(standing) == []
-    without = watching(wheels=False)
-    driven(without, [True] * 3 * RULES.judged)
-    assert raised(without) == []
     for motion, by_wheels in [(pose(0.1), pose()), (pose(), pose(0.0, 0.1)), (pose(0.0, 0.0, -0.1), pose())]:
         monitor = watching()
         driven(monitor, [True] * RULES.judged, motion, by_wheels)
         assert [what for what, _ in raised(monitor)] == ["odometry"]
+
+
+def test_without_wheels_too_many_rejected_predictions_speak_against_the_motion_itself():
+    """The poses by wheels that are not there do not move."""
+    monitor = watching(wheels=False)
+    driven(monitor, [True] * (MANY - 1) + [False] * RULES.judged, by_wheels=pose())
+    assert raised(monitor) == []
+    driven(monitor, [True] * MANY + [False] * RULES.judged, by_wheels=pose())
+    (reason,) = monitor.trust.reasons
+    assert reason.what == "motion"
+    assert "odometry is contradicted" not in reason.sentence
 
 
 @pytest.mark.parametrize("reported", [0.0, 90.0, -160.0])
@@ -207,3 +225,11 @@ def test_a_jump_is_a_reason_unless_the_scan_behind_it_is_sure_to_fit(share, told
     monitor = watching()
     monitor.jumped(3.0, share)
     assert raised(monitor) == ([("jump", 3.0)] if told else [])
+
+
+def test_a_reason_lasts_until_it_was_noticed_last():
+    monitor = watching()
+    driven(monitor, [True] * (RULES.judged + 5) + [False] * 3 * RULES.judged)
+    (reason,) = monitor.trust.reasons
+    # The share falls below its limit once so many of the rejections have left the window.
+    assert (reason.stamp, reason.until) == (RULES.judged - 1.0, 2.0 * RULES.judged + 4.0 - MANY)
