@@ -61,7 +61,7 @@ def walls_end(xs, ys, first, last, x, y, wall_a, wall_b, noise, rules):
     return True
 
 
-@inner(fastmath=SUMS)
+@inner(fastmath=SUMS, forceinline=True)
 def is_arc(xs, ys, first, last, x, y, wall_a, wall_b, noise, rules):
     """Whether an arc explains the points first..last as well as two walls that meet at (x, y) (eq. M105)."""
     n = last - first + 1
@@ -74,7 +74,7 @@ def is_arc(xs, ys, first, last, x, y, wall_a, wall_b, noise, rules):
     return arc_misfit(xs, ys, first, last, mean_x / n, mean_y / n, noise, HOPELESS * limit) <= limit
 
 
-@inner(fastmath=SUMS)
+@inner(fastmath=SUMS, forceinline=True)
 def arc_misfit(xs, ys, first, last, mean_x, mean_y, noise, hopeless):
     """Sum of the squared, normalised distances of points from the arc that fits them best, 0 where none is determined.
 

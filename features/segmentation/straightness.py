@@ -50,7 +50,7 @@ def split_crooked(xs, ys, segments, count, noise, rules, sums, stack, pieces):
     return found
 
 
-@inner(fastmath=SUMS)
+@inner(fastmath=SUMS, forceinline=True)
 def best_break(xs, ys, segment, noise, sums):
     """Find where two lines, each of two points or more, explain the points of a segment best in place of one.
 
@@ -93,7 +93,7 @@ def best_break(xs, ys, segment, noise, sums):
     return gains[index] - explained(w_sum, ws_sum, wss_sum, wr_sum, wrs_sum), begin + index
 
 
-@inner(fastmath=SUMS)
+@inner(fastmath=SUMS, forceinline=True)
 def bend_of(xs, ys, segment, noise, rules):
     """Return how far the ends of a segment bend away from its line, where that is beyond chance [m] (eq. M102)."""
     normal_x, normal_y, offset = segment.normal_x, segment.normal_y, segment.offset
