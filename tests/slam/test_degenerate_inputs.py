@@ -53,7 +53,7 @@ def room_frames(count: int = 3) -> list[Frame]:
 
 
 def spoilt(features: Features, change: Callable[[Features], None]) -> Features:
-    """Features of which the first line and the first corner are changed."""
+    """Features of which the first line and the first corner, if there are any, are changed."""
     own = Features(Lines(features.lines.records.copy()), Corners(features.corners.records.copy()))
     change(own)
     return own
@@ -61,24 +61,24 @@ def spoilt(features: Features, change: Callable[[Features], None]) -> Features:
 
 def with_cov(cov: Sequence[Sequence[float]]) -> Callable[[Features], None]:
     def change(features: Features) -> None:
-        features.lines.covs[0] = features.corners.covs[0] = cov
+        features.lines.covs[:1] = features.corners.covs[:1] = cov
 
     return change
 
 
 def with_params(value: float) -> Callable[[Features], None]:
     def change(features: Features) -> None:
-        features.lines.params[0] = features.corners.positions[0] = value
+        features.lines.params[:1] = features.corners.positions[:1] = value
 
     return change
 
 
 def of_no_length(features: Features) -> None:
-    features.lines.ends[0, 1] = features.lines.ends[0, 0]
+    features.lines.ends[:1, 1] = features.lines.ends[:1, 0]
 
 
 def with_an_end_nowhere(features: Features) -> None:
-    features.lines.ends[0, 1] = math.nan
+    features.lines.ends[:1, 1] = math.nan
 
 
 @pytest.mark.parametrize(

@@ -119,7 +119,7 @@ def test_the_mounting_is_honoured(name):
     assert landmark_m < 0.03
     ate_misled_m, _, corners_misled = accuracy(source, processed(lap, config_for(source, Mounting())))
     assert ate_misled_m > 20.0 * ate_m
-    assert len(corners_misled) <= 0.5 * len(corners)
+    assert len(corners_misled) <= 0.75 * len(corners)
 
 
 @pytest.mark.slow

@@ -112,4 +112,4 @@ def test_a_real_scanner_in_front_of_one_wall_does_not_drift():
     for frame in source:
         slam.process(frame)
     places = slam.finish().trajectory.poses[:, :2]
-    assert np.hypot(*(places - places[0]).T).max() < 0.02
+    assert np.hypot(*(places - places[0]).T).max() < 0.03
