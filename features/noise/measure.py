@@ -137,7 +137,7 @@ def _growth(scatter: Array, rules: NoiseRules) -> float:
     """Growth of sigma with range from the nearer and the farther half of the lines; 0 where it is within chance."""
     order = np.argsort(scatter[:, 2])
     weights: Array = np.cumsum(scatter[order, 1])
-    half = int(np.searchsorted(weights, 0.5 * weights[-1]))
+    half = int(np.searchsorted(weights, 0.5 * float(weights[-1])))
     near, far = scatter[order[:half]], scatter[order[half:]]
     if not len(near) or not len(far):
         return 0.0
