@@ -5,6 +5,7 @@ import math
 from collections import deque
 from collections.abc import Sequence
 from dataclasses import dataclass
+from statistics import median
 
 import numpy as np
 
@@ -87,8 +88,8 @@ class WheelSpeeds:
         self._sigma = np.array([speed, speed, turn_rate])
         self._stamp: float | None = None
         self._interval = MeanInterval(rules)
-        self._latest: deque[Array] = deque([np.zeros(3)] * (rules.sustained - 1), rules.sustained)
-        self._fastest: Array = np.zeros(2)
+        self._latest: deque[list[float]] = deque([[0.0, 0.0, 0.0]] * (rules.sustained - 1), rules.sustained)
+        self._fastest = 0.0, 0.0
         self._velocity: Array = np.zeros(3)
 
     def jump(self, stamp: float, step: Pose) -> Jump | None:
@@ -105,10 +106,16 @@ class WheelSpeeds:
         if longer <= 0.0:
             return None
         velocity = step / longer
-        limits = self._rules.fastest * np.maximum(self._sigma[1:], self._fastest)
-        self._latest.append(velocity)
-        self._fastest = np.maximum(self._fastest, _speeds(np.median(self._latest, axis=0)))
-        if interval.known and (_speeds(velocity) > limits).any():
+        # Plain numbers: this is done for every record, and arrays of three are slow.
+        x, y, turn_rate = velocity.tolist()
+        _, sigma_speed, sigma_turn_rate = self._sigma.tolist()
+        fastest, fastest_turn = self._fastest
+        self._latest.append([x, y, turn_rate])
+        steady_x, steady_y, steady_turn = (median(values) for values in zip(*self._latest, strict=True))
+        self._fastest = max(fastest, math.hypot(steady_x, steady_y)), max(fastest_turn, abs(steady_turn))
+        times = self._rules.fastest
+        too_fast = math.hypot(x, y) > times * max(sigma_speed, fastest)
+        if interval.known and (too_fast or abs(turn_rate) > times * max(sigma_turn_rate, fastest_turn)):
             return Jump(stamp, step, longer)
         self._velocity = velocity
         return None
@@ -116,11 +123,6 @@ class WheelSpeeds:
     def expected(self, elapsed: float) -> tuple[Pose, Array]:
         """Motion at the latest velocity and its covariance, shapes (3,) and (3, 3), where the wheels tell nothing."""
         return self._velocity * elapsed, np.diag(self._sigma * elapsed) ** 2
-
-
-def _speeds(velocity: Array) -> Array:
-    """Speed and turn rate of a velocity, shape (2,) [m/s], [rad/s]."""
-    return np.array([math.hypot(velocity[0], velocity[1]), abs(velocity[2])])
 
 
 class WheelMotion:
